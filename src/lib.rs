@@ -1,0 +1,3 @@
+//! Photile.
+pub mod error;
+pub mod scene;
