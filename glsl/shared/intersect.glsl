@@ -1,0 +1,33 @@
+// Ray against sphere and plane. Distances are in units of the (unit) direction; INFINITE means no hit.
+//
+// No epsilon anywhere: a ray that starts on a surface names it (`origin_on`), and that surface's other root is
+// taken exactly, so neither scale nor distance from the world's origin can make a surface hit itself.
+
+// Nearest root in front of the origin. The discriminant comes from the ray's closest approach rather than from
+// b² − c, which cancels for small or far spheres (Haines et al., Ray Tracing Gems, ch. 7).
+Real hit_sphere(Vec3 origin, Vec3 direction, Vec3 center, Real radius, Bool origin_on) {
+    Vec3 from_center = sub3(origin, center);
+    Real approach = 0.0f - dot3(from_center, direction);
+    Vec3 closest = add3(from_center, scale3(direction, approach));
+    Real discriminant = radius * radius - dot3(closest, closest);
+    Real root = sqrt(max(discriminant, lanes(0.0f)));
+    // The larger root in magnitude loses no digits; the other follows from their product.
+    Real far_root = approach + copysign(root, approach);
+    Real product = dot3(from_center, from_center) - radius * radius;
+    Real near_root = product / far_root;
+    Real low = min(near_root, far_root);
+    Real high = max(near_root, far_root);
+    Real t = pick(low > 0.0f, low, high);
+    Bool hit = discriminant >= 0.0f && t > 0.0f;
+    // Starting on the sphere one root is 0: the other is twice the way to the closest approach.
+    t = pick(origin_on, 2.0f * approach, t);
+    hit = pick_b(origin_on, approach > 0.0f, hit);
+    return pick(hit, t, INFINITE);
+}
+
+Real hit_plane(Vec3 origin, Vec3 direction, Vec3 normal, Real offset, Bool origin_on) {
+    Real t = (offset - dot3(normal, origin)) / dot3(normal, direction);
+    // A parallel ray gives ±infinity or NaN, both refused here.
+    Bool hit = t > 0.0f && t < INFINITE && !origin_on;
+    return pick(hit, t, INFINITE);
+}

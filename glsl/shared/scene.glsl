@@ -1,0 +1,86 @@
+// The scene as rays see it: spheres are objects 0 … S−1, planes S … S+P−1.
+
+#define NO_OBJECT (-1)
+
+struct Hit {
+    Real t;     // distance, INFINITE when nothing is hit
+    Int object; // NO_OBJECT when nothing is hit
+};
+
+// First object along the ray; `origin_object` is the one that the ray starts on (or NO_OBJECT).
+Hit closest_hit(SCENE_PARAMS Vec3 origin, Vec3 direction, Int origin_object) {
+    Hit hit;
+    hit.t = lanes(INFINITE);
+    hit.object = lanes_i(NO_OBJECT);
+#ifdef HAS_SPHERES
+    for (int i = 0; i < SPHERE_COUNT; i++) {
+        Real t = hit_sphere(origin, direction, object_anchor_same(i), object_extent_same(i), origin_object == i);
+        Bool closer = t < hit.t;
+        hit.t = pick(closer, t, hit.t);
+        hit.object = pick_i(closer, i, hit.object);
+    }
+#endif
+#ifdef HAS_PLANES
+    for (int i = SPHERE_COUNT; i < SPHERE_COUNT + PLANE_COUNT; i++) {
+        Real t = hit_plane(origin, direction, object_anchor_same(i), object_extent_same(i), origin_object == i);
+        Bool closer = t < hit.t;
+        hit.t = pick(closer, t, hit.t);
+        hit.object = pick_i(closer, i, hit.object);
+    }
+#endif
+    return hit;
+}
+
+#ifdef HAS_SHADOWS
+// Whether anything lies between the origin and a point at `distance` along the ray. Planes are only asked where
+// one separates the camera from a light: no other can come between a visible point and its light.
+Bool occluded(SCENE_PARAMS Vec3 origin, Vec3 direction, Real distance, Int origin_object) {
+    // Half an ulp of the distance: a light that lies on a surface is not shadowed by it.
+    Real reach = distance * 0.9999999f;
+    Bool blocked = NO_LANE;
+#ifdef HAS_SPHERE_SHADOWS
+    for (int i = 0; i < SPHERE_COUNT; i++)
+        blocked = blocked ||
+            hit_sphere(origin, direction, object_anchor_same(i), object_extent_same(i), origin_object == i) < reach;
+#endif
+#ifdef HAS_PLANE_SHADOWS
+    for (int i = SPHERE_COUNT; i < SPHERE_COUNT + PLANE_COUNT; i++)
+        blocked = blocked ||
+            hit_plane(origin, direction, object_anchor_same(i), object_extent_same(i), origin_object == i) < reach;
+#endif
+    return blocked;
+}
+#endif
+
+// A point on a surface with all that shading needs.
+struct Surface {
+    Vec3 position; // scene space, back on the surface to an ulp
+    Vec3 normal;   // unit, towards the side the ray came from
+    Int object;
+};
+
+Surface surface_at(SCENE_PARAMS Vec3 origin, Vec3 direction, Hit hit) {
+    Surface surface;
+    surface.object = hit.object;
+    Vec3 p = add3(origin, scale3(direction, hit.t));
+    Vec3 anchor = object_anchor(hit.object);
+    Real extent = object_extent(hit.object);
+    // Rounding along a long ray leaves p off the surface: put it back, then nothing needs an offset.
+#if defined(HAS_SPHERES) && defined(HAS_PLANES)
+    Bool is_sphere = hit.object < SPHERE_COUNT;
+    Vec3 outward = normalize3(sub3(p, anchor));
+    Vec3 on_sphere = add3(anchor, scale3(outward, extent));
+    Vec3 on_plane = add3(p, scale3(anchor, extent - dot3(anchor, p)));
+    surface.position = pick3(is_sphere, on_sphere, on_plane);
+    surface.normal = pick3(is_sphere, outward, anchor);
+#elif defined(HAS_SPHERES)
+    surface.normal = normalize3(sub3(p, anchor));
+    surface.position = add3(anchor, scale3(surface.normal, extent));
+#else
+    surface.normal = anchor;
+    surface.position = add3(p, scale3(anchor, extent - dot3(anchor, p)));
+#endif
+    Bool from_behind = dot3(surface.normal, direction) > 0.0f;
+    surface.normal = pick3(from_behind, negate3(surface.normal), surface.normal);
+    return surface;
+}

@@ -1,0 +1,21 @@
+// One work-item traces a block of LANES pixels: square blocks keep a work-item's rays, and later its photons, close.
+#include "shim.cl"
+#include "layout"
+#include "shared/vector.glsl"
+#include "shared/random.glsl"
+#include "shared/camera.glsl"
+#include "shared/intersect.glsl"
+#include "shared/scene.glsl"
+#include "shared/bsdf.glsl"
+#include "shared/direct.glsl"
+#include "shared/pixel.glsl"
+
+// Global size: blocks across × blocks down; film: packed RGB, row 0 = top.
+__kernel void trace(__global const float *frame, __global const float *objects, __global const float *lights,
+                    __global float *film, int width, int height) {
+    int column = (int)get_global_id(0) * LANE_COLUMNS;
+    int row = (int)get_global_id(1) * LANE_ROWS;
+    if (column >= width || row >= height) return;
+    Vec3 radiance = pixel_radiance(SCENE lanes_i(column) + LANE_COLUMN, lanes_i(row) + LANE_ROW);
+    store_block(film, column, row, width, height, radiance);
+}

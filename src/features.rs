@@ -1,0 +1,172 @@
+//! What a scene and its settings need. All else is neither compiled, allocated, launched nor uploaded.
+//!
+//! A feature says "the scene has X" and is a `#define`; numbers that change often stay uniforms.
+
+use glam::DVec3;
+
+use crate::scene::{Plane, Scene};
+use crate::settings::Settings;
+
+/// How many lights the code is made for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Lights {
+    /// No light: no shading code.
+    None,
+    /// One light: no loop.
+    One,
+    /// A loop over a uniform count.
+    Many,
+}
+
+/// A permutation of the programs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Features {
+    /// Some object is a sphere.
+    pub spheres: bool,
+    /// Some object is a plane.
+    pub planes: bool,
+    /// Lights that reach a shaded surface.
+    pub lights: Lights,
+    /// A sphere may come between a visible point and a light.
+    pub sphere_shadows: bool,
+    /// A plane may come between a visible point and a light.
+    pub plane_shadows: bool,
+    /// Some material has a GGX lobe.
+    pub glossy: bool,
+    /// Some material adds ambient radiance.
+    pub ambient: bool,
+    /// One sample per pixel: no sampling pattern.
+    pub one_sample: bool,
+}
+
+/// One line of `photile plan`: a feature, whether it is used, and why.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Reason {
+    /// The `#define`, or the stage.
+    pub feature: &'static str,
+    /// Whether the program contains it.
+    pub used: bool,
+    /// In the scene's own numbers.
+    pub why: String,
+}
+
+impl Features {
+    /// What this scene needs at these settings.
+    pub fn of(scene: &Scene, settings: &Settings) -> Features {
+        Self::explain(scene, settings).0
+    }
+
+    /// The same, with a reason for each line.
+    pub fn explain(scene: &Scene, settings: &Settings) -> (Features, Vec<Reason>) {
+        let (spheres, planes) = (scene.spheres.len(), scene.planes.len());
+        let used_materials = || {
+            let of_spheres = scene.spheres.iter().map(|s| s.material);
+            of_spheres.chain(scene.planes.iter().map(|p| p.material)).map(|m| &scene.materials[m])
+        };
+        let glossy = used_materials().filter(|m| m.specular > 0.0).count();
+        let ambient = used_materials().filter(|m| m.ambient > 0.0 && m.color != DVec3::ZERO).count();
+        let lights = if spheres + planes == 0 { 0 } else { scene.lights.len() };
+        let separating = if lights == 0 { 0 } else { separating_planes(scene).count() };
+
+        let features = Features {
+            spheres: spheres > 0,
+            planes: planes > 0,
+            lights: match lights {
+                0 => Lights::None,
+                1 => Lights::One,
+                _ => Lights::Many,
+            },
+            sphere_shadows: spheres > 0 && lights > 0,
+            plane_shadows: separating > 0,
+            glossy: glossy > 0 && lights > 0,
+            ambient: ambient > 0,
+            one_sample: settings.samples == 1,
+        };
+        let reason = |feature, used, why| Reason { feature, used, why };
+        let reasons = vec![
+            reason("HAS_SPHERES", features.spheres, format!("{spheres} spheres")),
+            reason("HAS_PLANES", features.planes, format!("{planes} planes")),
+            reason("HAS_LIGHTS", lights > 0, format!("{} lights, {} objects", scene.lights.len(), spheres + planes)),
+            reason("ONE_LIGHT", lights == 1, format!("{lights} lights to loop over")),
+            reason("HAS_SPHERE_SHADOWS", features.sphere_shadows, format!("{spheres} spheres may block {lights} lights")),
+            reason(
+                "HAS_PLANE_SHADOWS",
+                features.plane_shadows,
+                format!("{separating} of {planes} planes lie between the camera and a light"),
+            ),
+            reason("HAS_GLOSSY", features.glossy, format!("{glossy} objects with specular > 0")),
+            reason("HAS_AMBIENT", features.ambient, format!("{ambient} objects with ambient > 0")),
+            reason("ONE_SAMPLE", features.one_sample, format!("{} samples per pixel", settings.samples)),
+        ];
+        (features, reasons)
+    }
+
+    /// The `#define`s of this permutation, in a fixed order.
+    pub fn defines(&self) -> Vec<&'static str> {
+        let mut defines = Vec::new();
+        let mut add = |on: bool, name| {
+            if on {
+                defines.push(name);
+            }
+        };
+        add(self.spheres, "HAS_SPHERES");
+        add(self.planes, "HAS_PLANES");
+        add(self.spheres || self.planes, "HAS_OBJECTS");
+        add(self.lights != Lights::None, "HAS_LIGHTS");
+        add(self.lights == Lights::One, "ONE_LIGHT");
+        add(self.sphere_shadows, "HAS_SPHERE_SHADOWS");
+        add(self.plane_shadows, "HAS_PLANE_SHADOWS");
+        add(self.sphere_shadows || self.plane_shadows, "HAS_SHADOWS");
+        add(self.glossy, "HAS_GLOSSY");
+        add(self.ambient, "HAS_AMBIENT");
+        add(self.one_sample, "ONE_SAMPLE");
+        defines
+    }
+
+    /// Every permutation that some scene and settings lead to; a test compiles them all.
+    pub fn reachable() -> Vec<Features> {
+        let all = [false, true];
+        let mut reachable = Vec::new();
+        for (spheres, planes) in [(false, false), (true, false), (false, true), (true, true)] {
+            for lights in [Lights::None, Lights::One, Lights::Many] {
+                for (plane_shadows, glossy) in all.into_iter().flat_map(|a| all.map(|b| (a, b))) {
+                    for (ambient, one_sample) in all.into_iter().flat_map(|a| all.map(|b| (a, b))) {
+                        let objects = spheres || planes;
+                        let lit = lights != Lights::None;
+                        if (!objects && (lit || ambient)) || (!lit && glossy) || (plane_shadows && !(planes && lit)) {
+                            continue;
+                        }
+                        let sphere_shadows = spheres && lit;
+                        reachable.push(Features {
+                            spheres,
+                            planes,
+                            lights,
+                            sphere_shadows,
+                            plane_shadows,
+                            glossy,
+                            ambient,
+                            one_sample,
+                        });
+                    }
+                }
+            }
+        }
+        reachable
+    }
+}
+
+/// Planes that have the camera on one side and some light on the other, or either of them within rounding of the
+/// plane. Any other plane has every visible point and every light in one closed half-space, which is convex: the
+/// segment between them cannot cross it.
+fn separating_planes(scene: &Scene) -> impl Iterator<Item = &Plane> {
+    scene.planes.iter().filter(|plane| {
+        let side = |p: DVec3| {
+            let distance = plane.normal.dot(p) - plane.offset;
+            // 1e-5 of the numbers that cancel: float32 resolves them to 1e-7, so this is safely on one side.
+            let rounding = 1e-5 * (p.abs().dot(plane.normal.abs()) + plane.offset.abs());
+            if distance.abs() <= rounding { 0.0 } else { distance.signum() }
+        };
+        let camera = side(scene.camera.position);
+        scene.lights.iter().any(|light| side(light.position) * camera <= 0.0)
+    })
+}

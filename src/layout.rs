@@ -1,0 +1,282 @@
+//! Every record that crosses to a device, declared once: the host struct, its texels, and the accessors that
+//! shaders and kernels see. This is the only file with an offset in it.
+//!
+//! A record is a whole number of RGB texels. A three-component field fills a texel; scalars share one. The
+//! [`prelude`] turns the declarations into `#define`s that GLSL and OpenCL C both understand, on top of a few
+//! fetch macros that the two shims define (`glsl/shim.glsl`, `kernels/shim.cl`).
+
+use std::fmt::Write;
+
+use bytemuck::{Pod, Zeroable};
+
+/// Floats in a texel: RGB32F.
+pub const TEXEL: usize = 3;
+
+/// Indices travel as float values; from here on neighbours are no longer told apart (2²⁴).
+pub const MAX_EXACT_INDEX: u64 = 1 << 24;
+
+/// One field of a record: where it lies, in floats from the record's start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Field {
+    /// The field's name, as in the host struct and in the accessor.
+    pub name: &'static str,
+    /// Floats from the start of the record.
+    pub offset: usize,
+    /// 1 or 3 floats.
+    pub floats: usize,
+}
+
+/// A record that is uploaded as RGB texels.
+pub trait Record: Pod {
+    /// Singular, prefix of the accessors: `object` gives `object_color(i)`.
+    const NAME: &'static str;
+    /// Plural, the table's name on the device: `objects`.
+    const TABLE: &'static str;
+    /// In the order of declaration.
+    const FIELDS: &'static [Field];
+    /// Texels a record takes.
+    const TEXELS: usize = size_of::<Self>() / (4 * TEXEL);
+}
+
+/// Declares a [`Record`]; a field that would straddle two texels does not compile.
+macro_rules! record {
+    ($(#[$doc:meta])* $name:ident, $singular:literal in $table:literal {
+        $($(#[$field_doc:meta])* $field:ident: $type:ty,)*
+    }) => {
+        $(#[$doc])*
+        #[repr(C)]
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+        pub struct $name { $($(#[$field_doc])* pub $field: $type,)* }
+
+        impl Record for $name {
+            const NAME: &'static str = $singular;
+            const TABLE: &'static str = $table;
+            const FIELDS: &'static [Field] = &[$(Field {
+                name: stringify!($field),
+                offset: core::mem::offset_of!($name, $field) / 4,
+                floats: size_of::<$type>() / 4,
+            },)*];
+        }
+
+        const _: () = {
+            assert!(size_of::<$name>() % (4 * TEXEL) == 0, "a record is a whole number of texels");
+            let mut i = 0;
+            while i < <$name as Record>::FIELDS.len() {
+                let field = <$name as Record>::FIELDS[i];
+                assert!(field.floats == 1 || (field.floats == 3 && field.offset % TEXEL == 0),
+                    "a field is one float, or a texel of its own");
+                i += 1;
+            }
+        };
+    };
+}
+
+record! {
+    /// A sphere or a plane with its material: 12 floats in four texels. Spheres come first in the table.
+    Object, "object" in "objects" {
+        /// Sphere: centre; plane: unit normal. Scene space (metres from the pack's origin).
+        anchor: [f32; 3],
+        /// Sphere: radius; plane: `dot(normal, p)` of its points. Metres.
+        extent: f32,
+        /// [`SPHERE`] or [`PLANE`].
+        kind: f32,
+        /// GGX α.
+        roughness: f32,
+        /// Albedo of the diffuse part, linear Rec. 709.
+        color: [f32; 3],
+        /// `ambient · color` is added to the outgoing radiance.
+        ambient: f32,
+        /// kd.
+        diffuse: f32,
+        /// ks.
+        specular: f32,
+    }
+}
+
+/// [`Object::kind`] of a sphere.
+pub const SPHERE: f32 = 0.0;
+/// [`Object::kind`] of a plane.
+pub const PLANE: f32 = 1.0;
+
+record! {
+    /// The fifth texel of an object, in a table of its own that only a scene with glass has.
+    Glass, "glass" in "glasses" {
+        /// kt.
+        transmission: f32,
+        /// Index of refraction.
+        ior: f32,
+        /// Zero.
+        reserved: f32,
+    }
+}
+
+record! {
+    /// A point light: two texels.
+    Light, "light" in "lights" {
+        /// Scene space, metres.
+        position: [f32; 3],
+        /// Radiant intensity, W/sr per channel.
+        intensity: [f32; 3],
+    }
+}
+
+record! {
+    /// What one picture needs besides the scene: camera, counts, sampling. Uniforms in GL, a small buffer in OpenCL.
+    Frame, "frame" in "frame" {
+        /// Camera, scene space, metres.
+        position: [f32; 3],
+        /// Half the image plane's width at distance 1, pointing to the image's right.
+        right: [f32; 3],
+        /// Half the image plane's height at distance 1, pointing to the image's top.
+        up: [f32; 3],
+        /// Unit viewing direction.
+        forward: [f32; 3],
+        /// Pixels.
+        width: f32,
+        /// Pixels.
+        height: f32,
+        /// Samples per pixel in this picture.
+        samples: f32,
+        /// Number of spheres in the object table.
+        sphere_count: f32,
+        /// Number of planes after them.
+        plane_count: f32,
+        /// Number of lights.
+        light_count: f32,
+        /// Low 16 bits of the seed.
+        seed_low: f32,
+        /// High 16 bits of the seed.
+        seed_high: f32,
+        /// Number of the first sample: passes go on where the last one stopped.
+        first_sample: f32,
+    }
+}
+
+/// A record's declaration without its type, for lists of all records.
+#[derive(Clone, Copy, Debug)]
+pub struct Declaration {
+    /// See [`Record::NAME`].
+    pub name: &'static str,
+    /// See [`Record::TABLE`].
+    pub table: &'static str,
+    /// See [`Record::FIELDS`].
+    pub fields: &'static [Field],
+    /// See [`Record::TEXELS`].
+    pub texels: usize,
+    /// A single record in uniforms rather than a table in a texture.
+    pub single: bool,
+}
+
+const fn declare<R: Record>(single: bool) -> Declaration {
+    Declaration { name: R::NAME, table: R::TABLE, fields: R::FIELDS, texels: R::TEXELS, single }
+}
+
+/// All records, in the order of the prelude.
+pub const RECORDS: &[Declaration] =
+    &[declare::<Frame>(true), declare::<Object>(false), declare::<Light>(false), declare::<Glass>(false)];
+
+/// The accessors as `#define`s: `object_color(i)` where lanes may ask for different records, and
+/// `object_color_same(i)` where all ask for the same; `frame_width()` for single records.
+///
+/// `inject` shifts that field (`object.color`) by one channel or texel, so that a test can see the checks fail.
+pub fn prelude(inject: Option<&str>) -> String {
+    let mut text = String::new();
+    for record in RECORDS {
+        let Declaration { name, table, texels, .. } = record;
+        let declaration = if record.single { format!("PARAMS({table}, {texels})") } else { format!("TABLE({table})") };
+        writeln!(text, "{declaration}").expect("writing to a string");
+        for field in record.fields {
+            let shift = if inject == Some(&format!("{name}.{}", field.name)) { field.floats } else { 0 };
+            let offset = (field.offset + shift) % (record.texels * TEXEL);
+            let (texel, channel) = (offset / TEXEL, offset % TEXEL);
+            let field_name = field.name;
+            let line = match (record.single, field.floats) {
+                (true, 1) => format!("#define {name}_{field_name}() PARAM1({table}, {texel}, {channel})"),
+                (true, _) => format!("#define {name}_{field_name}() PARAM3({table}, {texel})"),
+                (false, 1) => format!(
+                    "#define {name}_{field_name}(i) FETCH1({table}, i, {texels}, {texel}, {channel})\n\
+                     #define {name}_{field_name}_same(i) FETCH1_SAME({table}, i, {texels}, {texel}, {channel})"
+                ),
+                (false, _) => format!(
+                    "#define {name}_{field_name}(i) FETCH3({table}, i, {texels}, {texel})\n\
+                     #define {name}_{field_name}_same(i) FETCH3_SAME({table}, i, {texels}, {texel})"
+                ),
+            };
+            writeln!(text, "{line}").expect("writing to a string");
+        }
+    }
+    text
+}
+
+/// Whether `name` is a field as `--inject` names it, `record.field`.
+pub fn is_field(name: &str) -> bool {
+    RECORDS.iter().any(|r| r.fields.iter().any(|f| format!("{}.{}", r.name, f.name) == name))
+}
+
+/// A table's shape as a texture: records wrap into rows of a power-of-two width.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shape {
+    /// Texels, a power of two.
+    pub width: u32,
+    /// Rows; at least 1, since GL has no empty texture.
+    pub height: u32,
+}
+
+impl Shape {
+    /// The smallest texture of rows of `1 << width_log2` texels that holds `texels`; narrower if one row suffices.
+    pub fn of(texels: usize, width_log2: u32) -> Shape {
+        let full = 1usize << width_log2;
+        let width = texels.max(1).next_power_of_two().min(full);
+        Shape { width: width as u32, height: texels.div_ceil(width).max(1) as u32 }
+    }
+
+    /// Texels in all, padding included.
+    pub fn texels(&self) -> usize {
+        self.width as usize * self.height as usize
+    }
+}
+
+/// Texture width used everywhere but in `validate`, as a power of two: 4M texels fit in 2048 rows, and every GL 3.3
+/// driver takes at least 1024 × 1024 (in practice 8192).
+pub const TEXTURE_WIDTH_LOG2: u32 = 11;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_object_is_twelve_floats_in_four_texels() {
+        assert_eq!(Object::TEXELS, 4);
+        assert_eq!(size_of::<Object>(), 48);
+        assert_eq!(Light::TEXELS, 2);
+        assert_eq!(Glass::TEXELS, 1);
+    }
+
+    #[test]
+    fn accessors_point_where_the_host_struct_puts_the_field() {
+        let text = prelude(None);
+        assert!(text.contains("#define object_color(i) FETCH3(objects, i, 4, 2)"), "{text}");
+        assert!(text.contains("#define object_kind(i) FETCH1(objects, i, 4, 1, 1)"), "{text}");
+        assert!(text.contains("#define frame_height() PARAM1(frame, 4, 1)"), "{text}");
+    }
+
+    #[test]
+    fn an_injected_fault_moves_one_accessor_only() {
+        let (sound, broken) = (prelude(None), prelude(Some("object.kind")));
+        let changed: Vec<_> = sound.lines().zip(broken.lines()).filter(|(a, b)| a != b).collect();
+        assert_eq!(changed.len(), 2);
+        assert!(changed.iter().all(|(a, _)| a.contains("object_kind")));
+        assert!(is_field("object.kind") && !is_field("object.colour"));
+    }
+
+    #[test]
+    fn shapes_hold_all_texels_in_power_of_two_rows() {
+        for texels in [0, 1, 2, 3, 2047, 2048, 2049, 4_000_012] {
+            let shape = Shape::of(texels, TEXTURE_WIDTH_LOG2);
+            assert!(shape.width.is_power_of_two() && shape.texels() >= texels);
+            assert!(shape.texels() - texels <= shape.width as usize);
+        }
+        assert_eq!(Shape::of(5, 11), Shape { width: 8, height: 1 });
+        assert_eq!(Shape::of(4096, 11), Shape { width: 2048, height: 2 });
+    }
+}

@@ -1,0 +1,190 @@
+//! Assembles a shader or kernel: the files it includes, the layout's accessors and the permutation's `#define`s, with
+//! a map from every line back to its file, since Mesa takes no file name in `#line`.
+
+use std::fmt::Write;
+
+use crate::features::Features;
+use crate::layout;
+
+/// Every source, embedded: the program runs from anywhere.
+const FILES: &[(&str, &str)] = &[
+    ("shim.glsl", include_str!("../glsl/shim.glsl")),
+    ("quad.vert", include_str!("../glsl/quad.vert")),
+    ("trace.frag", include_str!("../glsl/trace.frag")),
+    ("validate.frag", include_str!("../glsl/validate.frag")),
+    ("shared/vector.glsl", include_str!("../glsl/shared/vector.glsl")),
+    ("shared/random.glsl", include_str!("../glsl/shared/random.glsl")),
+    ("shared/camera.glsl", include_str!("../glsl/shared/camera.glsl")),
+    ("shared/intersect.glsl", include_str!("../glsl/shared/intersect.glsl")),
+    ("shared/scene.glsl", include_str!("../glsl/shared/scene.glsl")),
+    ("shared/bsdf.glsl", include_str!("../glsl/shared/bsdf.glsl")),
+    ("shared/direct.glsl", include_str!("../glsl/shared/direct.glsl")),
+    ("shared/pixel.glsl", include_str!("../glsl/shared/pixel.glsl")),
+    ("shim.cl", include_str!("../kernels/shim.cl")),
+    ("trace.cl", include_str!("../kernels/trace.cl")),
+    ("validate.cl", include_str!("../kernels/validate.cl")),
+];
+
+/// Names that `plan --source` accepts: all that is compiled on its own.
+pub fn units() -> Vec<&'static str> {
+    let whole = |name: &str| !name.contains('/') && !name.starts_with("shim");
+    FILES.iter().map(|(name, _)| *name).filter(|name| whole(name)).collect()
+}
+
+/// What a program is assembled for, besides the features.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Options {
+    /// Lanes of a work-item in OpenCL: 1, 4, 8 or 16. GLSL has always 1.
+    pub lanes: u32,
+    /// Width of the textures that tables wrap into, as a power of two.
+    pub texture_width_log2: u32,
+    /// Further `NAME VALUE` defines.
+    pub defines: Vec<String>,
+    /// See [`layout::prelude`].
+    pub inject: Option<String>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options { lanes: 1, texture_width_log2: layout::TEXTURE_WIDTH_LOG2, defines: Vec::new(), inject: None }
+    }
+}
+
+/// A program's text, ready for a driver.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Source {
+    /// `trace.frag`, `trace.cl` …
+    pub unit: String,
+    /// The defines, for messages: `HAS_SPHERES HAS_LIGHTS`.
+    pub permutation: String,
+    /// What the driver gets.
+    pub text: String,
+    /// For each line of `text` (from 0): file and line (from 1).
+    lines: Vec<(&'static str, usize)>,
+}
+
+/// Assembles a unit for a permutation.
+///
+/// # Panics
+/// When a unit or an included file does not exist: both are compiled in, and a test assembles them all.
+pub fn assemble(unit: &str, features: Option<&Features>, options: &Options) -> Source {
+    let glsl = !unit.ends_with(".cl");
+    let mut source = Source { unit: unit.into(), permutation: String::new(), text: String::new(), lines: Vec::new() };
+    let mut header = String::new();
+    if glsl {
+        header.push_str("#version 330 core\n");
+    } else {
+        writeln!(header, "#define LANES {}", options.lanes).expect("writing to a string");
+    }
+    writeln!(header, "#define TEXTURE_WIDTH_LOG2 {}", options.texture_width_log2).expect("writing to a string");
+    writeln!(header, "#define TEXTURE_WIDTH {}", 1u32 << options.texture_width_log2).expect("writing to a string");
+    let mut defines = features.map(|f| f.defines()).unwrap_or_default().into_iter().map(String::from).collect::<Vec<_>>();
+    defines.extend(options.defines.iter().cloned());
+    for define in &defines {
+        writeln!(header, "#define {define}").expect("writing to a string");
+    }
+    source.permutation = defines.join(" ");
+    source.append("(defines)", &header, options);
+    source.include(unit, options);
+    source
+}
+
+impl Source {
+    fn include(&mut self, name: &str, options: &Options) {
+        let (name, text) =
+            FILES.iter().find(|(file, _)| *file == name).unwrap_or_else(|| panic!("no source named {name}"));
+        self.append(name, text, options);
+    }
+
+    fn append(&mut self, file: &'static str, text: &str, options: &Options) {
+        for (index, line) in text.lines().enumerate() {
+            match line.strip_prefix("#include \"").and_then(|rest| rest.strip_suffix('"')) {
+                Some("layout") => self.append("(layout)", &layout::prelude(options.inject.as_deref()), options),
+                Some(included) => self.include(included, options),
+                None => {
+                    self.text.push_str(line);
+                    self.text.push('\n');
+                    self.lines.push((file, index + 1));
+                }
+            }
+        }
+    }
+
+    /// Rewrites a driver's log so that it names our files and lines.
+    ///
+    /// Understands `0:LINE(COLUMN): …` (Mesa), `0(LINE) : …` (NVIDIA), `ERROR: 0:LINE: …` (Apple, Intel, AMD) and
+    /// `<anything>:LINE:COLUMN: …` (clang, as PoCL, Intel and NVIDIA print it for OpenCL).
+    pub fn map_log(&self, log: &str) -> String {
+        let mut mapped = String::new();
+        for line in log.lines().map(str::trim_end).filter(|line| !line.is_empty()) {
+            match locate(line).and_then(|(number, rest)| Some((self.lines.get(number.checked_sub(1)?)?, rest))) {
+                Some((&(file, number), rest)) => writeln!(mapped, "{file}:{number}: {rest}"),
+                None => writeln!(mapped, "{line}"),
+            }
+            .expect("writing to a string");
+        }
+        mapped
+    }
+}
+
+/// The line number that a log line names, and the message after it.
+fn locate(line: &str) -> Option<(usize, &str)> {
+    let number = |text: &str| {
+        let digits = text.len() - text.trim_start_matches(|c: char| c.is_ascii_digit()).len();
+        Some((text[..digits].parse::<usize>().ok()?, &text[digits..]))
+    };
+    let message = |rest: &'_ str| rest.len() - rest.trim_start_matches([':', ' ', ')', '(']).len();
+    // Mesa, Apple: "0:12(7): error: …", "ERROR: 0:12: …"; NVIDIA: "0(12) : error …".
+    let start = line.strip_prefix("ERROR: ").or(line.strip_prefix("WARNING: ")).unwrap_or(line);
+    if let Some(rest) = start.strip_prefix("0:").or(start.strip_prefix("0(")) {
+        let (found, rest) = number(rest)?;
+        let rest = match rest.strip_prefix('(').and_then(number) {
+            Some((_column, rest)) => rest,
+            None => rest,
+        };
+        return Some((found, &rest[message(rest)..]));
+    }
+    // clang: "/tmp/x.cl:12:7: error: …", "<kernel>:12:7: error: …".
+    for (at, _) in line.match_indices(':') {
+        if let Some((found, rest)) = number(&line[at + 1..])
+            && let Some((_column, rest)) = rest.strip_prefix(':').and_then(number)
+            && rest.starts_with(':')
+        {
+            return Some((found, &rest[message(rest)..]));
+        }
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_unit_assembles() {
+        for unit in units() {
+            let source = assemble(unit, None, &Options::default());
+            assert_eq!(source.text.lines().count(), source.lines.len());
+        }
+    }
+
+    #[test]
+    fn logs_of_every_driver_name_our_files() {
+        let source = assemble("trace.frag", None, &Options::default());
+        let at = source.text.lines().position(|l| l.contains("Real hit_plane(")).unwrap();
+        let (file, line) = source.lines[at];
+        assert_eq!(file, "shared/intersect.glsl");
+        let expected = format!("{file}:{line}: error: 'nope' undeclared\n");
+        let number = at + 1;
+        for log in [
+            format!("0:{number}(7): error: 'nope' undeclared"),
+            format!("ERROR: 0:{number}: error: 'nope' undeclared"),
+            format!("0({number}) : error: 'nope' undeclared"),
+            format!("/tmp/pocl/tempfile-a7.cl:{number}:12: error: 'nope' undeclared"),
+            format!("<kernel>:{number}:12: error: 'nope' undeclared"),
+        ] {
+            assert_eq!(source.map_log(&log), expected, "{log}");
+        }
+        assert_eq!(source.map_log("linking failed"), "linking failed\n");
+    }
+}
