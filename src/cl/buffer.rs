@@ -1,0 +1,109 @@
+//! Typed memory on an OpenCL device.
+
+use std::marker::PhantomData;
+use std::ptr;
+
+use bytemuck::Pod;
+use opencl3::memory::{Buffer as ClBuffer, CL_MEM_READ_WRITE, ClMem};
+use opencl3::types::{CL_BLOCKING, cl_mem, cl_uchar};
+
+use super::{Context, failed};
+use crate::error::Result;
+
+/// `len` records of `T` in device memory; freed when dropped.
+pub struct Buffer<T> {
+    memory: ClBuffer<cl_uchar>,
+    len: usize,
+    of: PhantomData<T>,
+}
+
+impl<T: Pod> Buffer<T> {
+    /// Uninitialised memory. OpenCL has no empty buffers: one record is allocated where none is asked for.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Device`], with the size, when the device has no room.
+    pub fn new(context: &Context, len: usize) -> Result<Buffer<T>> {
+        let bytes = len.max(1) * size_of::<T>();
+        // SAFETY: no host pointer is given, so nothing is aliased.
+        let memory = unsafe { ClBuffer::create(&context.context, CL_MEM_READ_WRITE, bytes, ptr::null_mut()) }
+            .map_err(|e| failed(&format!("{bytes} bytes on {}", context.device.name), e))?;
+        Ok(Buffer { memory, len, of: PhantomData })
+    }
+
+    /// A copy of `data` on the device.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Device`] when the device has no room.
+    pub fn from_slice(context: &Context, data: &[T]) -> Result<Buffer<T>> {
+        let mut buffer = Buffer::new(context, data.len())?;
+        buffer.write(context, data)?;
+        Ok(buffer)
+    }
+
+    /// Overwrites the first `data.len()` records.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Device`] when the transfer fails.
+    ///
+    /// # Panics
+    /// When `data` is longer than the buffer.
+    pub fn write(&mut self, context: &Context, data: &[T]) -> Result<()> {
+        assert!(data.len() <= self.len, "{} records into a buffer of {}", data.len(), self.len);
+        if data.is_empty() {
+            return Ok(());
+        }
+        let bytes: &[u8] = bytemuck::cast_slice(data);
+        // SAFETY: blocking, so `bytes` outlives the transfer; the length was checked above.
+        unsafe { context.queue.enqueue_write_buffer(&mut self.memory, CL_BLOCKING, 0, bytes, &[]) }
+            .map(|_| ())
+            .map_err(|e| failed("upload", e))
+    }
+
+    /// Fills `into` from the start of the buffer.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Device`] when the transfer fails.
+    ///
+    /// # Panics
+    /// When `into` is longer than the buffer.
+    pub fn read(&self, context: &Context, into: &mut [T]) -> Result<()> {
+        assert!(into.len() <= self.len, "{} records out of a buffer of {}", into.len(), self.len);
+        if into.is_empty() {
+            return Ok(());
+        }
+        let bytes: &mut [u8] = bytemuck::cast_slice_mut(into);
+        // SAFETY: blocking, so `bytes` is borrowed until the transfer is done; the length was checked above.
+        unsafe { context.queue.enqueue_read_buffer(&self.memory, CL_BLOCKING, 0, bytes, &[]) }
+            .map(|_| ())
+            .map_err(|e| failed("readback", e))
+    }
+
+    /// All records.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Device`] when the transfer fails.
+    pub fn to_vec(&self, context: &Context) -> Result<Vec<T>> {
+        let mut data = vec![T::zeroed(); self.len];
+        self.read(context, &mut data)?;
+        Ok(data)
+    }
+
+    /// Records, as asked for when made.
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Whether no records were asked for.
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// Bytes on the device.
+    pub fn bytes(&self) -> usize {
+        self.len.max(1) * size_of::<T>()
+    }
+
+    pub(super) fn handle(&self) -> cl_mem {
+        self.memory.get()
+    }
+}

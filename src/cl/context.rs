@@ -1,0 +1,189 @@
+//! A device in use: its context, its queue, the programs built so far.
+
+use std::cell::RefCell;
+use std::collections::HashMap;
+use std::rc::Rc;
+use std::time::Duration;
+
+use bytemuck::Pod;
+use opencl3::command_queue::{CL_QUEUE_PROFILING_ENABLE, CommandQueue};
+use opencl3::context::Context as ClContext;
+use opencl3::device::Device as ClDevice;
+use opencl3::kernel::{ExecuteKernel, Kernel as ClKernel};
+use opencl3::program::Program;
+use opencl3::types::cl_mem;
+
+use super::{Buffer, Device, failed};
+use crate::error::{Error, Result};
+use crate::source::Source;
+
+/// A device in use.
+pub struct Context {
+    /// What it runs on.
+    pub device: Device,
+    pub(super) context: ClContext,
+    pub(super) queue: CommandQueue,
+    programs: RefCell<HashMap<String, Rc<Program>>>,
+}
+
+/// A kernel function of a built program.
+pub struct Kernel {
+    kernel: ClKernel,
+    name: String,
+}
+
+/// A kernel's argument, in the order of its parameters.
+#[derive(Clone, Copy)]
+pub enum Arg {
+    /// A buffer of any type.
+    Memory(cl_mem),
+    /// `int`
+    Int(i32),
+    /// `uint`
+    Uint(u32),
+    /// `float`
+    Float(f32),
+    /// `__local` memory, bytes.
+    Local(usize),
+}
+
+impl<T: Pod> From<&Buffer<T>> for Arg {
+    fn from(buffer: &Buffer<T>) -> Self {
+        Arg::Memory(buffer.handle())
+    }
+}
+
+impl From<i32> for Arg {
+    fn from(value: i32) -> Self {
+        Arg::Int(value)
+    }
+}
+
+impl From<u32> for Arg {
+    fn from(value: u32) -> Self {
+        Arg::Uint(value)
+    }
+}
+
+impl From<f32> for Arg {
+    fn from(value: f32) -> Self {
+        Arg::Float(value)
+    }
+}
+
+impl Context {
+    /// Opens a device.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when the driver refuses.
+    pub fn new(device: Device) -> Result<Context> {
+        let context =
+            ClContext::from_device(&ClDevice::new(device.id)).map_err(|e| failed("opening the device", e))?;
+        // OpenCL 1.2's call, deprecated since 2.0 but supported by every driver; its successor is not.
+        #[allow(deprecated)]
+        let queue = CommandQueue::create_default(&context, CL_QUEUE_PROFILING_ENABLE)
+            .map_err(|e| failed("making a queue", e))?;
+        Ok(Context { device, context, queue, programs: RefCell::default() })
+    }
+
+    /// Builds a program, or finds it among those built before, and takes one of its kernels.
+    ///
+    /// # Errors
+    /// [`Error::Build`] with the driver's log in terms of our files.
+    pub fn kernel(&self, source: &Source, name: &str) -> Result<Kernel> {
+        let known = self.programs.borrow().get(&source.text).cloned();
+        let program = match known {
+            Some(program) => program,
+            None => {
+                let program = Rc::new(self.build(source)?);
+                self.programs.borrow_mut().insert(source.text.clone(), Rc::clone(&program));
+                program
+            }
+        };
+        let kernel = ClKernel::create(&program, name).map_err(|e| failed(&format!("kernel {name}"), e))?;
+        Ok(Kernel { kernel, name: name.into() })
+    }
+
+    fn build(&self, source: &Source) -> Result<Program> {
+        let mut program = Program::create_from_source(&self.context, &source.text)
+            .map_err(|e| failed(&format!("program {}", source.unit), e))?;
+        program.build(self.context.devices(), "-cl-std=CL1.2").map_err(|error| {
+            let log = program.get_build_log(self.device.id).unwrap_or_default();
+            let log = if log.trim().is_empty() { error.to_string() } else { source.map_log(&log) };
+            Error::Build {
+                unit: source.unit.clone(),
+                permutation: source.permutation.clone(),
+                device: self.device.name.clone(),
+                log,
+            }
+        })?;
+        Ok(program)
+    }
+
+    /// Runs a kernel over `global` work-items, padded to whole work-groups of `local` where that is given: kernels
+    /// drop the surplus themselves. Returns at once; the queue is in order.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when the launch is refused.
+    pub fn launch(&self, kernel: &Kernel, args: &[Arg], global: &[usize], local: Option<&[usize]>) -> Result<()> {
+        self.enqueue(kernel, args, global, local).map(|_| ())
+    }
+
+    /// Like [`Context::launch`], then waits and tells the device's own time for it.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when the launch is refused or fails.
+    pub fn run(&self, kernel: &Kernel, args: &[Arg], global: &[usize], local: Option<&[usize]>) -> Result<Duration> {
+        let Some(event) = self.enqueue(kernel, args, global, local)? else { return Ok(Duration::ZERO) };
+        event.wait().map_err(|e| failed(&format!("running {}", kernel.name), e))?;
+        let time = event.profiling_command_end().and_then(|end| Ok(end - event.profiling_command_start()?));
+        Ok(Duration::from_nanos(time.unwrap_or(0)))
+    }
+
+    fn enqueue(
+        &self,
+        kernel: &Kernel,
+        args: &[Arg],
+        global: &[usize],
+        local: Option<&[usize]>,
+    ) -> Result<Option<opencl3::event::Event>> {
+        if global.contains(&0) {
+            return Ok(None);
+        }
+        let mut launch = ExecuteKernel::new(&kernel.kernel);
+        for arg in args {
+            // SAFETY: each variant has the type that the kernel declares at this place; tests run every kernel, and
+            // the driver refuses an argument of another size.
+            unsafe {
+                match arg {
+                    Arg::Memory(memory) => launch.set_arg(memory),
+                    Arg::Int(value) => launch.set_arg(value),
+                    Arg::Uint(value) => launch.set_arg(value),
+                    Arg::Float(value) => launch.set_arg(value),
+                    Arg::Local(bytes) => launch.set_arg_local_buffer(*bytes),
+                }
+            };
+        }
+        match local {
+            Some(local) => {
+                let padded: Vec<usize> = global.iter().zip(local).map(|(g, l)| g.next_multiple_of(*l)).collect();
+                launch.set_global_work_sizes(&padded).set_local_work_sizes(local);
+            }
+            None => {
+                launch.set_global_work_sizes(global);
+            }
+        }
+        // SAFETY: buffers handed over as arguments are reference-counted by OpenCL until the kernel has run.
+        unsafe { launch.enqueue_nd_range(&self.queue) }
+            .map(Some)
+            .map_err(|e| failed(&format!("launching {}", kernel.name), e))
+    }
+
+    /// Waits until all that was launched is done.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when something launched before has failed.
+    pub fn finish(&self) -> Result<()> {
+        self.queue.finish().map_err(|e| failed("waiting for the device", e))
+    }
+}

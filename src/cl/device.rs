@@ -1,0 +1,89 @@
+//! Which OpenCL devices there are, and in which order they are tried.
+
+use opencl3::device::{CL_DEVICE_TYPE_ALL, CL_DEVICE_TYPE_CPU, CL_DEVICE_TYPE_GPU, Device as ClDevice};
+use opencl3::platform::get_platforms;
+
+use super::MISSING;
+use crate::error::{Error, Result};
+
+/// An OpenCL device.
+#[derive(Clone, Debug)]
+pub struct Device {
+    pub(super) id: opencl3::types::cl_device_id,
+    /// As the driver names it.
+    pub name: String,
+    /// The driver's platform.
+    pub platform: String,
+    /// Version that the device claims, `OpenCL 3.0 …`.
+    pub version: String,
+    /// Work-items are lanes of the hardware: one lane each. Otherwise explicit vectors are used.
+    pub is_gpu: bool,
+    /// Lanes of a work-item: 1 on GPUs, the native vector width on CPUs (4, 8 or 16).
+    pub lanes: u32,
+    /// Compute units: multiprocessors or cores.
+    pub compute_units: u32,
+    /// Global memory, bytes.
+    pub memory: u64,
+}
+
+// SAFETY: a device id is a handle of the OpenCL runtime, whose calls are thread-safe (OpenCL 1.2, appendix A.2).
+unsafe impl Send for Device {}
+// SAFETY: as above.
+unsafe impl Sync for Device {}
+
+/// All devices, GPUs before CPUs before others, in the platforms' order; with `wanted`, only those whose name or
+/// platform contains it, case ignored.
+///
+/// # Errors
+/// [`Error::Driver`] when there is no OpenCL, no device, or none that is wanted.
+pub fn devices(wanted: Option<&str>) -> Result<Vec<Device>> {
+    let platforms = get_platforms().map_err(|_| Error::Driver(MISSING.into()))?;
+    let mut found = Vec::new();
+    for platform in &platforms {
+        let platform_name = platform.name().unwrap_or_default();
+        for id in platform.get_devices(CL_DEVICE_TYPE_ALL).unwrap_or_default() {
+            found.push(describe(id, &platform_name));
+        }
+    }
+    if found.is_empty() {
+        return Err(Error::Driver(MISSING.into()));
+    }
+    found.sort_by_key(|(rank, _)| *rank);
+    let names = found.iter().map(|(_, d)| format!("'{}'", d.name)).collect::<Vec<_>>().join(", ");
+    let matches = |device: &Device| {
+        wanted.is_none_or(|w| format!("{} {}", device.name, device.platform).to_lowercase().contains(&w.to_lowercase()))
+    };
+    let chosen: Vec<Device> = found.into_iter().map(|(_, device)| device).filter(matches).collect();
+    if chosen.is_empty() {
+        let wanted = wanted.unwrap_or_default();
+        return Err(Error::Driver(format!("no OpenCL device matches '{wanted}'; there are {names}")));
+    }
+    Ok(chosen)
+}
+
+/// The device with its rank: GPUs first.
+fn describe(id: opencl3::types::cl_device_id, platform: &str) -> (u32, Device) {
+    let device = ClDevice::new(id);
+    let kind = device.dev_type().unwrap_or_default();
+    let is_gpu = kind & CL_DEVICE_TYPE_GPU != 0;
+    let is_cpu = kind & CL_DEVICE_TYPE_CPU != 0;
+    let lanes = match device.native_vector_width_float().unwrap_or(1) {
+        _ if !is_cpu => 1,
+        0..4 => 4, // SSE and NEON have four lanes; a driver that reports less (Apple's reports 1) still gains
+        4..8 => 4,
+        8..16 => 8,
+        16.. => 16,
+    };
+    let rank = if is_gpu { 0 } else { 1 + u32::from(!is_cpu) };
+    let described = Device {
+        id,
+        name: device.name().unwrap_or_default().trim().to_string(),
+        platform: platform.trim().to_string(),
+        version: device.version().unwrap_or_default().trim().to_string(),
+        is_gpu,
+        lanes,
+        compute_units: device.max_compute_units().unwrap_or(0),
+        memory: device.global_mem_size().unwrap_or(0),
+    };
+    (rank, described)
+}

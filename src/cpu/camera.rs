@@ -1,0 +1,29 @@
+//! Twin of `glsl/shared/camera.glsl`.
+
+use glam::Vec3;
+
+use super::random::{hash_u, owen_scramble, scramble_reversed, sobol_second, unit_real};
+use crate::layout::Frame;
+
+/// `v / |v|`, with the shaders' order of operations.
+pub fn normalize3(v: Vec3) -> Vec3 {
+    v * (1.0 / v.dot(v).sqrt())
+}
+
+/// Where in its pixel a sample lies, across, in [0, 1).
+pub fn jitter_x(index: u32, pixel_key: u32) -> f32 {
+    unit_real(scramble_reversed(index, hash_u(pixel_key)).reverse_bits())
+}
+
+/// Where in its pixel a sample lies, down, in [0, 1).
+pub fn jitter_y(index: u32, pixel_key: u32) -> f32 {
+    unit_real(owen_scramble(sobol_second(index), hash_u(pixel_key ^ 0x68bc_21eb)))
+}
+
+/// Unit direction through the point (x, y) of the image plane, in pixels from the image's top left corner.
+pub fn camera_direction(frame: &Frame, x: f32, y: f32) -> Vec3 {
+    let across = x * (2.0 / frame.width) - 1.0;
+    let upward = 1.0 - y * (2.0 / frame.height);
+    let [right, up, forward] = [frame.right, frame.up, frame.forward].map(Vec3::from);
+    normalize3(forward + (right * across + up * upward))
+}

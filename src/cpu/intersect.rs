@@ -1,0 +1,35 @@
+//! Twin of `glsl/shared/intersect.glsl`: rays against spheres and planes, without any epsilon.
+
+use glam::Vec3;
+
+/// Farther than any hit; finite, so that 0 · INFINITE stays a number.
+pub const INFINITE: f32 = 3.0e38;
+
+/// Distance to the nearest root in front of the origin, or [`INFINITE`]. `origin_on`: the ray starts on this sphere.
+///
+/// Haines et al., "Precision Improvements for Ray/Sphere Intersection", Ray Tracing Gems, ch. 7.
+pub fn hit_sphere(origin: Vec3, direction: Vec3, center: Vec3, radius: f32, origin_on: bool) -> f32 {
+    let from_center = origin - center;
+    let approach = -from_center.dot(direction);
+    if origin_on {
+        return if approach > 0.0 { 2.0 * approach } else { INFINITE };
+    }
+    let closest = from_center + direction * approach;
+    let discriminant = radius * radius - closest.dot(closest);
+    if discriminant < 0.0 {
+        return INFINITE;
+    }
+    let far_root = approach + discriminant.sqrt().copysign(approach);
+    let product = from_center.dot(from_center) - radius * radius;
+    let near_root = product / far_root;
+    let low = near_root.min(far_root);
+    let t = if low > 0.0 { low } else { near_root.max(far_root) };
+    if t > 0.0 { t } else { INFINITE }
+}
+
+/// Distance to the plane `dot(normal, p) = offset`, or [`INFINITE`]. `origin_on`: the ray starts on this plane.
+pub fn hit_plane(origin: Vec3, direction: Vec3, normal: Vec3, offset: f32, origin_on: bool) -> f32 {
+    let t = (offset - normal.dot(origin)) / normal.dot(direction);
+    // A parallel ray gives ±infinity or NaN, both refused here.
+    if t > 0.0 && t < INFINITE && !origin_on { t } else { INFINITE }
+}

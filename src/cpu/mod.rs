@@ -1,0 +1,9 @@
+//! The stages' twins in Rust: the same names and the same order of operations as `glsl/shared/`, written a second time
+//! so that each copy can catch the other's mistakes. One thread by default.
+
+pub mod bsdf;
+pub mod camera;
+pub mod intersect;
+pub mod random;
+pub mod scene;
+pub mod trace;

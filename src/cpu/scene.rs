@@ -1,0 +1,95 @@
+//! Twin of `glsl/shared/scene.glsl`: the scene as rays see it.
+
+use glam::Vec3;
+
+use super::camera::normalize3;
+use super::intersect::{INFINITE, hit_plane, hit_sphere};
+use crate::features::Features;
+use crate::layout::{Light, Object};
+use crate::pack::Packed;
+
+/// What the twins read: the very records that devices get.
+#[derive(Clone, Copy)]
+pub struct SceneTables<'a> {
+    /// Spheres first, then planes.
+    pub objects: &'a [Object],
+    /// How many of the objects are spheres.
+    pub sphere_count: usize,
+    /// Point lights.
+    pub lights: &'a [Light],
+    /// What this permutation contains.
+    pub features: &'a Features,
+}
+
+/// First object along a ray.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// Distance.
+    pub t: f32,
+    /// Index into the object table.
+    pub object: usize,
+}
+
+/// A point on a surface with all that shading needs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Surface {
+    /// Scene space, back on the surface to an ulp.
+    pub position: Vec3,
+    /// Unit, towards the side the ray came from.
+    pub normal: Vec3,
+    /// Index into the object table.
+    pub object: usize,
+}
+
+impl<'a> SceneTables<'a> {
+    /// A packed scene at a permutation.
+    pub fn new(packed: &'a Packed, features: &'a Features) -> Self {
+        SceneTables { objects: &packed.objects, sphere_count: packed.sphere_count, lights: &packed.lights, features }
+    }
+
+    /// Distance to one object, or [`INFINITE`].
+    fn hit(&self, i: usize, origin: Vec3, direction: Vec3, origin_object: Option<usize>) -> f32 {
+        let object = &self.objects[i];
+        let on = origin_object == Some(i);
+        if i < self.sphere_count {
+            hit_sphere(origin, direction, object.anchor.into(), object.extent, on)
+        } else {
+            hit_plane(origin, direction, object.anchor.into(), object.extent, on)
+        }
+    }
+
+    /// First object along the ray; `origin_object` is the one that the ray starts on.
+    pub fn closest_hit(&self, origin: Vec3, direction: Vec3, origin_object: Option<usize>) -> Option<Hit> {
+        let mut closest = Hit { t: INFINITE, object: usize::MAX };
+        for object in 0..self.objects.len() {
+            let t = self.hit(object, origin, direction, origin_object);
+            if t < closest.t {
+                closest = Hit { t, object };
+            }
+        }
+        (closest.object != usize::MAX).then_some(closest)
+    }
+
+    /// Whether anything lies between the origin and a point at `distance` along the ray.
+    pub fn occluded(&self, origin: Vec3, direction: Vec3, distance: f32, origin_object: usize) -> bool {
+        // Half an ulp of the distance: a light that lies on a surface is not shadowed by it.
+        let reach = distance * 0.999_999_9;
+        let last = if self.features.plane_shadows { self.objects.len() } else { self.sphere_count };
+        (0..last).any(|i| self.hit(i, origin, direction, Some(origin_object)) < reach)
+    }
+
+    /// The hit point, put back on its surface: rounding along a long ray leaves it beside.
+    pub fn surface_at(&self, origin: Vec3, direction: Vec3, hit: Hit) -> Surface {
+        let p = origin + direction * hit.t;
+        let object = &self.objects[hit.object];
+        let anchor = Vec3::from(object.anchor);
+        let (position, normal) = if hit.object < self.sphere_count {
+            let outward = normalize3(p - anchor);
+            (anchor + outward * object.extent, outward)
+        } else {
+            (p + anchor * (object.extent - anchor.dot(p)), anchor)
+        };
+        let normal = if normal.dot(direction) > 0.0 { -normal } else { normal };
+        Surface { position, normal, object: hit.object }
+    }
+}

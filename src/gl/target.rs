@@ -1,0 +1,135 @@
+//! What a fragment shader draws into when there is no window.
+
+use glow::HasContext;
+
+use super::{Functions, Program};
+use crate::error::{Error, Result};
+
+/// A framebuffer with one texture; deleted when dropped.
+pub struct Target {
+    gl: Functions,
+    framebuffer: glow::NativeFramebuffer,
+    texture: glow::NativeTexture,
+    triangle: glow::NativeVertexArray,
+    width: u32,
+    height: u32,
+    integers: bool,
+}
+
+impl Target {
+    /// A target of RGBA32F, or of RGBA32UI where bits matter (`integers`).
+    ///
+    /// # Errors
+    /// [`Error::Device`] when the driver refuses the size or the format.
+    pub fn new(gl: &Functions, width: u32, height: u32, integers: bool) -> Result<Target> {
+        let refused = |what| Error::Device(format!("OpenGL: target of {width} × {height}: {what}"));
+        let (internal, format, kind) = if integers {
+            (glow::RGBA32UI, glow::RGBA_INTEGER, glow::UNSIGNED_INT)
+        } else {
+            (glow::RGBA32F, glow::RGBA, glow::FLOAT)
+        };
+        // SAFETY: the context is current; every object made here is owned by the result.
+        unsafe {
+            let limit = gl.get_parameter_i32(glow::MAX_TEXTURE_SIZE) as u32;
+            if width > limit || height > limit {
+                return Err(refused(format!("the driver's limit is {limit}")));
+            }
+            let target = Target {
+                gl: gl.clone(),
+                framebuffer: gl.create_framebuffer().map_err(refused)?,
+                texture: gl.create_texture().map_err(refused)?,
+                // Core profile draws nothing without a vertex array, though the quad has no attributes.
+                triangle: gl.create_vertex_array().map_err(refused)?,
+                width,
+                height,
+                integers,
+            };
+            gl.bind_texture(glow::TEXTURE_2D, Some(target.texture));
+            gl.tex_image_2d(
+                glow::TEXTURE_2D,
+                0,
+                internal as i32,
+                width as i32,
+                height as i32,
+                0,
+                format,
+                kind,
+                glow::PixelUnpackData::Slice(None),
+            );
+            gl.tex_parameter_i32(glow::TEXTURE_2D, glow::TEXTURE_MIN_FILTER, glow::NEAREST as i32);
+            gl.tex_parameter_i32(glow::TEXTURE_2D, glow::TEXTURE_MAG_FILTER, glow::NEAREST as i32);
+            gl.bind_framebuffer(glow::FRAMEBUFFER, Some(target.framebuffer));
+            gl.framebuffer_texture_2d(
+                glow::FRAMEBUFFER,
+                glow::COLOR_ATTACHMENT0,
+                glow::TEXTURE_2D,
+                Some(target.texture),
+                0,
+            );
+            match gl.check_framebuffer_status(glow::FRAMEBUFFER) {
+                glow::FRAMEBUFFER_COMPLETE => Ok(target),
+                status => Err(refused(format!("framebuffer status {status:#06x}"))),
+            }
+        }
+    }
+
+    /// Draws the quad with the active program and waits until it is done.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when the driver reports an error.
+    pub fn draw(&self, _active: &Program) -> Result<()> {
+        let gl = &self.gl;
+        // SAFETY: the context is current and a linked program is active (the argument says so).
+        unsafe {
+            gl.bind_framebuffer(glow::FRAMEBUFFER, Some(self.framebuffer));
+            gl.bind_vertex_array(Some(self.triangle));
+            gl.viewport(0, 0, self.width as i32, self.height as i32);
+            gl.disable(glow::BLEND);
+            gl.disable(glow::DEPTH_TEST);
+            gl.draw_arrays(glow::TRIANGLES, 0, 3);
+            gl.finish();
+            match gl.get_error() {
+                glow::NO_ERROR => Ok(()),
+                error => Err(Error::Device(format!("OpenGL: drawing: error {error:#06x}"))),
+            }
+        }
+    }
+
+    /// The target's pixels, four components each as raw 32-bit words, row 0 first.
+    pub fn read(&self) -> Vec<[u32; 4]> {
+        let mut pixels = vec![[0u32; 4]; self.width as usize * self.height as usize];
+        let (format, kind) =
+            if self.integers { (glow::RGBA_INTEGER, glow::UNSIGNED_INT) } else { (glow::RGBA, glow::FLOAT) };
+        // SAFETY: the slice holds exactly the pixels asked for; the context is current.
+        unsafe {
+            self.gl.bind_framebuffer(glow::FRAMEBUFFER, Some(self.framebuffer));
+            self.gl.pixel_store_i32(glow::PACK_ALIGNMENT, 4);
+            self.gl.read_pixels(
+                0,
+                0,
+                self.width as i32,
+                self.height as i32,
+                format,
+                kind,
+                glow::PixelPackData::Slice(Some(bytemuck::cast_slice_mut(&mut pixels))),
+            );
+        }
+        pixels
+    }
+
+    /// Bytes on the device.
+    pub fn bytes(&self) -> usize {
+        self.width as usize * self.height as usize * 16
+    }
+}
+
+impl Drop for Target {
+    fn drop(&mut self) {
+        // SAFETY: the context outlives its objects: whoever owns both drops it last.
+        unsafe {
+            self.gl.delete_framebuffer(self.framebuffer);
+            self.gl.delete_texture(self.texture);
+            self.gl.delete_vertex_array(self.triangle);
+        }
+    }
+}

@@ -1,0 +1,132 @@
+//! Tables as RGB32F textures, read with GL_NEAREST.
+
+use bytemuck::Pod;
+use glow::HasContext;
+
+use super::Functions;
+use crate::error::{Error, Result};
+use crate::layout::{Record, Shape, TEXEL};
+
+/// A table of records; deleted when dropped.
+pub struct TableTexture {
+    gl: Functions,
+    handle: glow::NativeTexture,
+    shape: Option<Shape>,
+    width_log2: u32,
+    /// How often it was filled.
+    pub uploads: u64,
+}
+
+impl TableTexture {
+    /// An empty table whose rows are at most `1 << width_log2` texels wide.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when the driver gives no texture.
+    pub fn new(gl: &Functions, width_log2: u32) -> Result<TableTexture> {
+        // SAFETY: the context is current; the texture is owned by the result.
+        unsafe {
+            let handle = gl.create_texture().map_err(|e| Error::Device(format!("OpenGL: texture: {e}")))?;
+            gl.bind_texture(glow::TEXTURE_2D, Some(handle));
+            for (name, value) in [
+                (glow::TEXTURE_MIN_FILTER, glow::NEAREST),
+                (glow::TEXTURE_MAG_FILTER, glow::NEAREST),
+                (glow::TEXTURE_WRAP_S, glow::CLAMP_TO_EDGE),
+                (glow::TEXTURE_WRAP_T, glow::CLAMP_TO_EDGE),
+                (glow::TEXTURE_MAX_LEVEL, 0),
+            ] {
+                gl.tex_parameter_i32(glow::TEXTURE_2D, name, value as i32);
+            }
+            Ok(TableTexture { gl: gl.clone(), handle, shape: None, width_log2, uploads: 0 })
+        }
+    }
+
+    /// Replaces the table's records. The host's bytes go to the driver as they are: whole rows, then what is left.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when the table is larger than the driver's textures, or memory is out.
+    pub fn fill<R: Record>(&mut self, records: &[R]) -> Result<()> {
+        self.fill_texels(bytemuck::cast_slice(records))
+    }
+
+    /// The same for loose floats, three a texel.
+    ///
+    /// # Errors
+    /// As [`TableTexture::fill`].
+    pub fn fill_texels<F: Pod>(&mut self, texels: &[F]) -> Result<()> {
+        let floats: &[f32] = bytemuck::cast_slice(texels);
+        let texels = floats.len() / TEXEL;
+        let shape = Shape::of(texels, self.width_log2);
+        let gl = &self.gl;
+        // SAFETY: the context is current; every slice has exactly the size of the rows it fills, checked by `Shape`.
+        unsafe {
+            let limit = gl.get_parameter_i32(glow::MAX_TEXTURE_SIZE) as u32;
+            if shape.height > limit || shape.width > limit {
+                return Err(Error::Device(format!(
+                    "OpenGL: a table of {texels} texels needs a texture of {} × {}, the driver's limit is {limit}",
+                    shape.width, shape.height
+                )));
+            }
+            gl.bind_texture(glow::TEXTURE_2D, Some(self.handle));
+            gl.pixel_store_i32(glow::UNPACK_ALIGNMENT, 4);
+            if self.shape != Some(shape) {
+                gl.tex_image_2d(
+                    glow::TEXTURE_2D,
+                    0,
+                    glow::RGB32F as i32,
+                    shape.width as i32,
+                    shape.height as i32,
+                    0,
+                    glow::RGB,
+                    glow::FLOAT,
+                    glow::PixelUnpackData::Slice(None),
+                );
+                self.shape = Some(shape);
+            }
+            let row = shape.width as usize * TEXEL;
+            let (whole, rest) = floats.split_at(floats.len() / row * row);
+            for (y, part, columns) in [(0, whole, shape.width as usize), (whole.len() / row, rest, rest.len() / TEXEL)] {
+                if !part.is_empty() {
+                    gl.tex_sub_image_2d(
+                        glow::TEXTURE_2D,
+                        0,
+                        0,
+                        y as i32,
+                        columns as i32,
+                        (part.len() / (columns * TEXEL)) as i32,
+                        glow::RGB,
+                        glow::FLOAT,
+                        glow::PixelUnpackData::Slice(Some(bytemuck::cast_slice(part))),
+                    );
+                }
+            }
+            match gl.get_error() {
+                glow::NO_ERROR => {}
+                error => return Err(Error::Device(format!("OpenGL: upload of {texels} texels: error {error:#06x}"))),
+            }
+        }
+        self.uploads += 1;
+        Ok(())
+    }
+
+    /// Binds the table to a texture unit.
+    pub fn bind(&self, unit: u32) {
+        // SAFETY: the context is current.
+        unsafe {
+            self.gl.active_texture(glow::TEXTURE0 + unit);
+            self.gl.bind_texture(glow::TEXTURE_2D, Some(self.handle));
+            self.gl.active_texture(glow::TEXTURE0);
+        }
+    }
+
+    /// Bytes on the device, padding included.
+    pub fn bytes(&self) -> usize {
+        self.shape.map_or(0, |shape| shape.texels() * TEXEL * 4)
+    }
+}
+
+impl Drop for TableTexture {
+    fn drop(&mut self) {
+        // SAFETY: the context outlives its objects: whoever owns both drops it last.
+        unsafe { self.gl.delete_texture(self.handle) }
+    }
+}
