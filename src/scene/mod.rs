@@ -4,9 +4,23 @@
 
 use glam::DVec3;
 
+mod check;
+mod error;
 mod parse;
+mod sections;
+mod table;
 
-pub use parse::{SceneError, load, parse};
+pub use error::{Position, SceneError};
+pub use parse::{MAX_FILE_BYTES, load, parse, parse_bytes};
+
+/// Ways of gathering photons: the words of `[render] gather` and of `--gather`.
+pub const GATHER_NAMES: [&str; 5] = ["grid", "tiles", "tiled-grid", "knn", "brute"];
+
+/// Who carries direct light: the words of `[render] light` and of `--light`.
+pub const LIGHT_NAMES: [&str; 3] = ["hybrid", "photons", "direct"];
+
+/// The largest width or height of an image, pixels.
+pub const MAX_IMAGE_SIDE: u32 = 65_536;
 
 /// A pinhole camera; looks from `position` to `look_at`.
 #[derive(Clone, Debug, PartialEq)]
@@ -63,6 +77,9 @@ pub struct Sphere {
 }
 
 /// An infinite plane: `dot(normal, p) = offset`; two-sided.
+///
+/// The file's normal may have any length: offset is divided by it together with the normal, so that the equation
+/// holds as it was written. `normal = [0, 2, 0]`, `offset = 6` is the plane y = 3.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plane {
     /// Unit length (normalised when read).
