@@ -47,7 +47,7 @@ impl Text<'_> {
             // Control characters would garble a terminal.
             line.extend(
                 word.chars()
-                    .take(LONGEST)
+                    .take(LONGEST + 1)
                     .map(|c| if c.is_control() { '\u{fffd}' } else { c }),
             );
             if line.chars().count() > LONGEST {
