@@ -87,7 +87,7 @@ impl<'a> Table<'a> {
         let mut error = self.text.error(
             key.span().start,
             format!(
-                "unknown key {} in {}",
+                "unknown key `{}` in {}",
                 self.text.quote(key.span()),
                 self.title
             ),

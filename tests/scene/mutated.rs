@@ -1,13 +1,14 @@
 //! Damaged files: never a panic, and every error names a place that is in the file.
 
 use super::GOOD;
-use photile::scene::{SceneError, parse_bytes};
+use photile::scene::{Scene, SceneError, parse_bytes};
 use proptest::prelude::*;
 
 /// Checks what every error promises, whatever the bytes.
 fn check(bytes: &[u8]) -> Result<(), TestCaseError> {
-    let Err(error) = parse_bytes(bytes, "x.toml") else {
-        return Ok(());
+    let error = match parse_bytes(bytes, "x.toml") {
+        Ok(scene) => return sound(&scene),
+        Err(error) => error,
     };
     in_file(bytes, &error)?;
     prop_assert!(
@@ -17,6 +18,30 @@ fn check(bytes: &[u8]) -> Result<(), TestCaseError> {
     let printed = error.to_string();
     prop_assert!(!printed.contains(|c: char| c.is_control()), "{printed:?}");
     prop_assert!(printed.chars().count() < 500, "{printed:?}");
+    Ok(())
+}
+
+/// Checks what the renderer relies on in every scene that was accepted.
+fn sound(scene: &Scene) -> Result<(), TestCaseError> {
+    let view = scene.camera.look_at - scene.camera.position;
+    prop_assert!(view.cross(scene.camera.up).length() > 0.0);
+    for light in &scene.lights {
+        prop_assert!(light.intensity.as_vec3().is_finite() && light.intensity.min_element() >= 0.0);
+    }
+    for sphere in &scene.spheres {
+        let radius = sphere.radius as f32;
+        prop_assert!((radius * radius).is_normal() && sphere.material < scene.materials.len());
+        prop_assert!(sphere.center.as_vec3().length_squared().is_finite());
+    }
+    for plane in &scene.planes {
+        prop_assert!((plane.normal.length() - 1.0).abs() < 1e-15 && plane.offset.is_finite());
+        prop_assert!(plane.material < scene.materials.len());
+    }
+    for material in &scene.materials {
+        let shares = material.diffuse + material.specular + material.transmission;
+        prop_assert!((0.0..=1.0 + 1e-9).contains(&shares), "{material:?}");
+        prop_assert!(material.color.max_element() <= 1.0 && material.color.min_element() >= 0.0);
+    }
     Ok(())
 }
 
