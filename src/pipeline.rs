@@ -170,6 +170,20 @@ impl Pipeline {
         Ok(Rendering { image, times, skipped })
     }
 
+    /// Traces the same picture again and tells the milliseconds it took: for timings, apart from all else.
+    ///
+    /// # Errors
+    /// As [`Pipeline::render`].
+    pub fn retrace(&mut self, scene: &Scene, settings: &Settings) -> Result<f64> {
+        if self.change(scene, settings) != Change::NONE {
+            self.render(scene, settings)?;
+        }
+        let Some(last) = &self.last else { return Ok(0.0) };
+        let mut lap = Lap::new();
+        self.tracer.trace(&last.packed.frame(&scene.camera, settings))?;
+        Ok(lap.ms())
+    }
+
     /// Bytes held on the device.
     pub fn bytes(&self) -> usize {
         self.tracer.bytes()

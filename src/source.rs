@@ -135,11 +135,7 @@ impl Source {
 
 /// The line number that a log line names, and the message after it.
 fn locate(line: &str) -> Option<(usize, &str)> {
-    let number = |text: &str| {
-        let digits = text.len() - text.trim_start_matches(|c: char| c.is_ascii_digit()).len();
-        Some((text[..digits].parse::<usize>().ok()?, &text[digits..]))
-    };
-    let message = |rest: &'_ str| rest.len() - rest.trim_start_matches([':', ' ', ')', '(']).len();
+    let message = |rest: &str| rest.len() - rest.trim_start_matches([':', ' ', ')', '(']).len();
     // Mesa, Apple: "0:12(7): error: …", "ERROR: 0:12: …"; NVIDIA: "0(12) : error …".
     let start = line.strip_prefix("ERROR: ").or(line.strip_prefix("WARNING: ")).unwrap_or(line);
     if let Some(rest) = start.strip_prefix("0:").or(start.strip_prefix("0(")) {
@@ -160,6 +156,12 @@ fn locate(line: &str) -> Option<(usize, &str)> {
         }
     }
     None
+}
+
+/// A leading decimal number, and what follows it.
+fn number(text: &str) -> Option<(usize, &str)> {
+    let digits = text.len() - text.trim_start_matches(|c: char| c.is_ascii_digit()).len();
+    Some((text[..digits].parse().ok()?, &text[digits..]))
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@ use crate::source::{Options, assemble};
 /// # Errors
 /// [`Error::Build`] with the build log, or [`Error::Device`] with the first wrong value.
 pub fn probe(context: &Headless) -> Result<()> {
+    context.make_current()?;
     let program = Program::new(&context.gl, &assemble("probe.frag", None, &Options::default()))?;
     let target = Target::new(&context.gl, 64, 1, true)?;
     program.activate(&[]);
