@@ -55,6 +55,18 @@ vec3 texel(sampler2D table, int t) {
 // One record for all lanes: in GLSL every fetch is a lane's own.
 #define FETCH3_SAME FETCH3
 #define FETCH1_SAME FETCH1
+// Small scenes are uniforms (layout.rs says how small).
+#ifdef SCENE_IN_UNIFORMS
+#define SCENE_TABLE(name, texels) uniform vec3 name[texels];
+#define SCENE3(table, i, texels, t) table[(i) * (texels) + (t)]
+#define SCENE1(table, i, texels, t, channel) table[(i) * (texels) + (t)][channel]
+#else
+#define SCENE_TABLE(name, texels) TABLE(name)
+#define SCENE3 FETCH3
+#define SCENE1 FETCH1
+#endif
+#define SCENE3_SAME SCENE3
+#define SCENE1_SAME SCENE1
 #define PARAMS(name, texels) uniform vec3 name[texels];
 #define PARAM3(table, t) table[t]
 #define PARAM1(table, t, channel) table[t][channel]

@@ -128,6 +128,11 @@ Real fetch1(__global const float* table, Int f) {
 #define FETCH1(table, i, texels, t, channel) fetch1(table, ((i) * (texels) + (t)) * 3 + (channel))
 #endif
 #define TABLE(name)
+#define SCENE_TABLE(name, texels)
+#define SCENE3 FETCH3
+#define SCENE1 FETCH1
+#define SCENE3_SAME FETCH3_SAME
+#define SCENE1_SAME FETCH1_SAME
 #define PARAMS(name, texels)
 #define PARAM3(table, t) NATIVE3(vload3(t, table))
 #define PARAM1(table, t, channel) table[(t) * 3 + (channel)]
