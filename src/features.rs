@@ -92,7 +92,11 @@ impl Features {
             reason("HAS_PLANES", features.planes, format!("{planes} planes")),
             reason("HAS_LIGHTS", lights > 0, format!("{} lights, {} objects", scene.lights.len(), spheres + planes)),
             reason("ONE_LIGHT", lights == 1, format!("{lights} lights to loop over")),
-            reason("HAS_SPHERE_SHADOWS", features.sphere_shadows, format!("{spheres} spheres may block {lights} lights")),
+            reason(
+                "HAS_SPHERE_SHADOWS",
+                features.sphere_shadows,
+                format!("{spheres} spheres may block {lights} lights"),
+            ),
             reason(
                 "HAS_PLANE_SHADOWS",
                 features.plane_shadows,
@@ -104,7 +108,9 @@ impl Features {
             reason(
                 "SCENE_IN_UNIFORMS",
                 features.in_uniforms,
-                format!("up to {OBJECTS_IN_UNIFORMS} objects and {LIGHTS_IN_UNIFORMS} lights need no texture in OpenGL"),
+                format!(
+                    "up to {OBJECTS_IN_UNIFORMS} objects and {LIGHTS_IN_UNIFORMS} lights need no texture in OpenGL"
+                ),
             ),
         ];
         (features, reasons)

@@ -50,7 +50,13 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Options { lanes: 1, texture_width_log2: layout::TEXTURE_WIDTH_LOG2, defines: Vec::new(), inject: None, record: "object" }
+        Options {
+            lanes: 1,
+            texture_width_log2: layout::TEXTURE_WIDTH_LOG2,
+            defines: Vec::new(),
+            inject: None,
+            record: "object",
+        }
     }
 }
 
@@ -82,7 +88,8 @@ pub fn assemble(unit: &str, features: Option<&Features>, options: &Options) -> S
     }
     writeln!(header, "#define TEXTURE_WIDTH_LOG2 {}", options.texture_width_log2).expect("writing to a string");
     writeln!(header, "#define TEXTURE_WIDTH {}", 1u32 << options.texture_width_log2).expect("writing to a string");
-    let mut defines = features.map(|f| f.defines()).unwrap_or_default().into_iter().map(String::from).collect::<Vec<_>>();
+    let mut defines =
+        features.map(|f| f.defines()).unwrap_or_default().into_iter().map(String::from).collect::<Vec<_>>();
     defines.extend(options.defines.iter().cloned());
     for define in &defines {
         writeln!(header, "#define {define}").expect("writing to a string");

@@ -83,7 +83,8 @@ impl FromStr for Size {
     type Err = String;
 
     fn from_str(text: &str) -> std::result::Result<Self, String> {
-        let expected = || format!("found '{text}', expected WIDTHxHEIGHT with sides from 1 to {MAX_SIDE}, such as 640x480");
+        let expected =
+            || format!("found '{text}', expected WIDTHxHEIGHT with sides from 1 to {MAX_SIDE}, such as 640x480");
         let (width, height) = text.split_once(['x', '×']).ok_or_else(expected)?;
         match (width.parse(), height.parse()) {
             (Ok(width @ 1..=MAX_SIDE), Ok(height @ 1..=MAX_SIDE)) => Ok(Size { width, height }),

@@ -113,14 +113,18 @@ impl Trace for GlTrace {
         let (Some(program), Some((_, _, target))) = (program, &self.target) else {
             return Err(Error::Device("OpenGL: traced before anything was compiled".into()));
         };
-        program.activate(&Self::SAMPLERS);
+        program.activate(if self.small.is_some() { &[] } else { &Self::SAMPLERS });
         program.set_records(std::slice::from_ref(frame));
-        if let Some((objects, lights)) = &self.small {
-            program.set_records(objects);
-            program.set_records(lights);
+        match &self.small {
+            Some((objects, lights)) => {
+                program.set_records(objects);
+                program.set_records(lights);
+            }
+            None => {
+                self.objects.bind(0);
+                self.lights.bind(1);
+            }
         }
-        self.objects.bind(0);
-        self.lights.bind(1);
         target.draw(program)
     }
 
