@@ -57,6 +57,7 @@ struct Surface {
     Vec3 position; // scene space, back on the surface to an ulp
     Vec3 normal;   // unit, towards the side the ray came from
     Int object;
+    Bool inside;   // the ray came from the side that the object's own normal points away from
 };
 
 Surface surface_at(SCENE_PARAMS Vec3 origin, Vec3 direction, Hit hit) {
@@ -81,6 +82,7 @@ Surface surface_at(SCENE_PARAMS Vec3 origin, Vec3 direction, Hit hit) {
     surface.position = add3(p, scale3(anchor, extent - dot3(anchor, p)));
 #endif
     Bool from_behind = dot3(surface.normal, direction) > 0.0f;
+    surface.inside = from_behind;
     surface.normal = pick3(from_behind, negate3(surface.normal), surface.normal);
     return surface;
 }
