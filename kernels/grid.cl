@@ -7,7 +7,7 @@
 
 // A photon's face, see cell.glsl.
 int face_of(int i, __global const float *photon_surfaces) {
-    return 2 * (int)photon_surfaces[3 * i] + (photon_surfaces[3 * i + 1] < 0.0f ? 1 : 0);
+    return 2 * (int)photon_object_scalar(i) + (photon_side_scalar(i) < 0.0f ? 1 : 0);
 }
 
 // Floats as ints that compare alike, and back: OpenCL 1.2 has no atomics on floats.
@@ -23,7 +23,7 @@ __kernel void grid_bounds(__global const float *photon_positions, __global const
     int end = min(first + per_item, count);
     for (int i = first; i < end; i++) {
         __global volatile int *own = bounds + 6 * face_of(i, photon_surfaces);
-        float3 p = vload3(i, photon_positions);
+        float3 p = photon_position_scalar(i);
         int x = ordered(p.x), y = ordered(p.y), z = ordered(p.z);
         // Looking first spares nearly all atomics; a stale value costs one more of them, never a wrong bound.
         if (x < own[0]) atomic_min(own + 0, x);
@@ -45,7 +45,7 @@ __kernel void grid_keys(__global const float *photon_positions, __global const f
         int face = face_of(i, photon_surfaces);
         float flipped = face_flipped_scalar(face);
         float3 inverse = grid_axes(gather_inverse_cell_scalar(), flipped);
-        float3 p = grid_axes(vload3(i, photon_positions), flipped) - face_origin_scalar(face);
+        float3 p = grid_axes(photon_position_scalar(i), flipped) - face_origin_scalar(face);
         int u = cell_along(p.x, inverse.x), v = cell_along(p.y, inverse.y), w = cell_along(p.z, inverse.z);
 #ifdef GRID_HASHED
         keys[i] = (row_start(face, v, w) + u) & (int)gather_bucket_mask();
@@ -88,7 +88,7 @@ __kernel void grid_rows(__global const uint *order, __global const float *photon
         int face = face_of(from, photon_surfaces);
         float flipped = face_flipped_scalar(face);
         float3 inverse = grid_axes(gather_inverse_cell_scalar(), flipped);
-        float3 p = grid_axes(vload3(from, photon_positions), flipped) - face_origin_scalar(face);
+        float3 p = grid_axes(photon_position_scalar(from), flipped) - face_origin_scalar(face);
         vstore3((float3)(face, cell_along(p.y, inverse.y), cell_along(p.z, inverse.z)), i, photon_cells);
     }
 }

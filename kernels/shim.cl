@@ -9,6 +9,7 @@
 // One for all lanes.
 typedef float3 Float3;
 #define triple(x, y, z) ((float3)(x, y, z))
+#define STRUCT(name) typedef struct name name;
 
 #if LANES == 1
 

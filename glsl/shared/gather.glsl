@@ -4,6 +4,7 @@
 // Lanes of one work-item are neighbouring pixels. They walk together over the photons near all of them, and each
 // photon is loaded once and weighed by every lane: no lane waits for another's loop, no sum goes across lanes.
 
+STRUCT(Gathered)
 struct Gathered {
     Vec3 flux;  // Σ ΔΦ·K/K(0), watts
 #ifdef HAS_GLOSSY
@@ -12,6 +13,7 @@ struct Gathered {
 };
 
 // What a photon is weighed against: the point and, for glossy lobes, the viewer.
+STRUCT(Query)
 struct Query {
     Surface surface;
     Vec3 to_viewer;
@@ -31,8 +33,8 @@ Gathered nothing_gathered() {
 // Whether a plane lies between the point and a photon: that photon lights another room's part of the surface.
 Bool walled_off(SCENE_PARAMS Vec3 point, Vec3 photon) {
     Bool off = NO_LANE;
-    int first = count_of(frame_sphere_count());
-    int end = first + count_of(frame_plane_count());
+    int first = SPHERE_COUNT;
+    int end = first + PLANE_COUNT;
     for (int i = first; i < end; i++) {
         Vec3 normal = object_anchor_same(i);
         Real extent = object_extent_same(i);
@@ -188,8 +190,7 @@ Gathered gather_near(SCENE_PARAMS Query query, Int face, Bool wanted) {
         Real weight = kernel_shape(square3(away), inverse_radius2);
         Bool near_by = wanted && weight > 0.0f;
         if (!any_lane(near_by)) continue;
-        Float3 surface = photon_surface_scalar(i);
-        int own = 2 * count_of(surface.x) + (surface.y < 0.0f ? 1 : 0);
+        int own = 2 * count_of(photon_object_scalar(i)) + (photon_side_scalar(i) < 0.0f ? 1 : 0);
         near_by = near_by && face == own;
         if (any_lane(near_by)) sum = add_photon(SCENE sum, i, pick(near_by, weight, 0.0f), position, query);
     }

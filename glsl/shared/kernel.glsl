@@ -76,6 +76,7 @@ Real beyond_both(Real a, Real b, Real cosine) {
 
 #ifdef HAS_CLIP
 // Where a plane cuts the disc around a query point.
+STRUCT(Chord)
 struct Chord {
     Real distance; // from the point, in radii; 1 or more when the plane does not cut the disc
     Vec3 towards;  // unit, in the tangent plane, from the point to the chord
@@ -95,8 +96,8 @@ Chord chord_of(SCENE_PARAMS int i, Surface surface, Real inverse_radius) {
 #ifdef HAS_SPHERES
     // On a sphere the plane cuts a circle. Lambert's equal-area map of the sphere around the point keeps areas and
     // chordal distances, hence the kernel; in it the circle is taken as straight at its nearest point.
-    if (any_lane(surface.object < count_of(frame_sphere_count()))) {
-        Bool on_sphere = surface.object < count_of(frame_sphere_count());
+    if (any_lane(surface.object < SPHERE_COUNT)) {
+        Bool on_sphere = surface.object < SPHERE_COUNT;
         Real radius = object_extent(pick_i(on_sphere, surface.object, 0));
         Vec3 center = object_anchor(pick_i(on_sphere, surface.object, 0));
         Vec3 outward = scale3(sub3(surface.position, center), 1.0f / radius);
@@ -121,8 +122,8 @@ Chord chord_of(SCENE_PARAMS int i, Surface surface, Real inverse_radius) {
 // plane for one chord, for two at any angle, and for opposite pairs; on a sphere the circles are taken as chords.
 Real visible_part(SCENE_PARAMS Surface surface, Real inverse_radius) {
     Real part = lanes(1.0f);
-    int first = count_of(frame_sphere_count());
-    int end = first + count_of(frame_plane_count());
+    int first = SPHERE_COUNT;
+    int end = first + PLANE_COUNT;
     for (int i = first; i < end; i++) {
         Chord chord = chord_of(SCENE i, surface, inverse_radius);
         Bool cuts = chord.distance < 1.0f;
