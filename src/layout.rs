@@ -183,7 +183,7 @@ record! {
 record! {
     /// How a photon came; only where a glossy surface needs it.
     PhotonDirection, "photon" in "photon_directions" {
-        /// Unit, along the photon's way, towards the surface.
+        /// Unit, towards where the photon came from.
         direction: [f32; 3],
     }
 }
