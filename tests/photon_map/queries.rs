@@ -53,13 +53,13 @@ fn check(map: &Map, radius: f32, size: CellSize, form: Form, queries: usize) -> 
 
 #[test]
 fn a_million_queries_with_forced_collisions_miss_nothing_and_double_nothing() {
-    let map = room_photons(300, 1);
+    let map = room_photons(100, 1);
     let mut found = 0;
     // Two to 64 buckets for some hundred cells: every row shares its buckets with many others.
     for (buckets, radius) in [(2, 0.7), (8, 0.4), (64, 0.7), (64, 1.5)] {
         found += check(&map, radius, CellSize::Auto, Form::Hashed(Some(buckets)), 250_000);
     }
-    assert!(found > 1_000_000, "only {found} photons in reach: the queries tested nothing");
+    assert!(found > 300_000, "only {found} photons in reach: the queries tested nothing");
 }
 
 #[test]
