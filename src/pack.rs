@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::layout::{Frame, Glass, Light, Object, PLANE, SPHERE};
+use crate::layout::{Frame, Glass, LIGHTS_IN_UNIFORMS, Light, OBJECTS_IN_UNIFORMS, Object, PLANE, SPHERE};
 use crate::scene::{Camera, Scene};
 use crate::settings::Settings;
 
@@ -67,6 +67,11 @@ impl Packed {
                 .collect(),
             glasses: if has_glass { materials.map(glass).collect() } else { Vec::new() },
         }
+    }
+
+    /// Whether the records fit into GL's uniforms (see [`OBJECTS_IN_UNIFORMS`]).
+    pub fn in_uniforms(&self) -> bool {
+        self.objects.len() <= OBJECTS_IN_UNIFORMS && self.lights.len() <= LIGHTS_IN_UNIFORMS
     }
 
     /// How many of the objects are planes.

@@ -56,6 +56,8 @@ pub struct GlTrace {
     gl: Functions,
     objects: TableTexture,
     lights: TableTexture,
+    /// The records of a scene that travels in uniforms.
+    small: Option<(Vec<Object>, Vec<Light>)>,
     target: Option<(u32, u32, Target)>,
     programs: HashMap<Features, Program>,
     active: Option<Features>,
@@ -74,6 +76,7 @@ impl GlTrace {
             gl: gl.clone(),
             objects: TableTexture::new(gl, TEXTURE_WIDTH_LOG2)?,
             lights: TableTexture::new(gl, TEXTURE_WIDTH_LOG2)?,
+            small: None,
             target: None,
             programs: HashMap::new(),
             active: None,
@@ -93,6 +96,10 @@ impl Trace for GlTrace {
 
     fn upload(&mut self, packed: &Packed) -> Result<()> {
         check_count(packed)?;
+        self.small = packed.in_uniforms().then(|| (packed.objects.clone(), packed.lights.clone()));
+        if self.small.is_some() {
+            return Ok(());
+        }
         self.objects.fill(&packed.objects)?;
         self.lights.fill(&packed.lights)
     }
@@ -107,7 +114,11 @@ impl Trace for GlTrace {
             return Err(Error::Device("OpenGL: traced before anything was compiled".into()));
         };
         program.activate(&Self::SAMPLERS);
-        program.set_frame(frame);
+        program.set_records(std::slice::from_ref(frame));
+        if let Some((objects, lights)) = &self.small {
+            program.set_records(objects);
+            program.set_records(lights);
+        }
         self.objects.bind(0);
         self.lights.bind(1);
         target.draw(program)

@@ -9,10 +9,12 @@ use photile::cpu::grid::grid;
 use photile::cpu::scene::SceneTables;
 use photile::features::{Features, Lights};
 use photile::gathering::{DensityKernel, Gathering, Method};
-use photile::layout::Frame;
+use photile::gl::{Headless, Program, TableTexture, Target};
+use photile::layout::{Frame, Object, Record, TEXTURE_WIDTH_LOG2};
 use photile::pack::Packed;
 use photile::source::{Options, assemble};
 use photile::stage::grid::{GridStage, Wanted};
+use photile::stage::photon_textures::PhotonTextures;
 
 use super::{DeviceMap, Map, ROOM_SPHERES, device, room, room_photons};
 
@@ -29,6 +31,7 @@ fn features() -> Features {
         glossy: true,
         ambient: false,
         one_sample: true,
+        in_uniforms: true,
     }
 }
 
@@ -87,6 +90,30 @@ fn on_device(
     // More work-items than any block size needs: the kernel drops the surplus.
     context.launch(&kernel, &args, &[WIDTH, HEIGHT], None).unwrap();
     film.to_vec(context).unwrap()
+}
+
+fn on_gl(context: &Context, headless: &Headless, stage: &mut GridStage, map: &Map, wanted: &Wanted, gathering: Gathering) -> Vec<[f32; 3]> {
+    let uploaded = DeviceMap::new(context, map);
+    let packed = packed();
+    let stored = uploaded.photons();
+    let grid = stage.build(context, &packed.objects, &stored, wanted).unwrap();
+    let gathering = Gathering { hashed: grid.plan.hashed, ..gathering };
+    let mut photons = PhotonTextures::new(&headless.gl).unwrap();
+    photons.fill(context, grid, &stored, &gathering).unwrap();
+    let options = Options { defines: gathering.defines(), ..Options::default() };
+    let program = Program::new(&headless.gl, &assemble("trace.frag", Some(&features()), &options)).unwrap();
+    let mut objects = TableTexture::new(&headless.gl, TEXTURE_WIDTH_LOG2).unwrap();
+    objects.fill(&packed.objects).unwrap();
+    let target = Target::new(&headless.gl, WIDTH as u32, HEIGHT as u32, false).unwrap();
+    let mut samplers = vec![Object::TABLE];
+    samplers.extend(PhotonTextures::SAMPLERS);
+    program.activate(&samplers);
+    program.set_records(&[frame()]);
+    program.set_records(&packed.objects);
+    objects.bind(0);
+    photons.bind(&program, 1);
+    target.draw(&program).unwrap();
+    target.read().iter().map(|[r, g, b, _]| [*r, *g, *b].map(f32::from_bits)).collect()
 }
 
 fn by_twin(map: &Map, wanted: &Wanted, gathering: Gathering) -> Vec<[f32; 3]> {
@@ -169,6 +196,28 @@ fn device_and_twin_gather_the_same() {
         let found = on_device(&context, &mut stage, &map, &wanted, gathering, context.device.lanes);
         let off = difference(&twin, &found);
         assert!(off < OTHER_COMPILER, "{gathering:?}: {off}");
+    }
+}
+
+#[test]
+fn the_fragment_shader_gathers_the_same() {
+    let context = device();
+    let headless = Headless::new().expect("an OpenGL driver");
+    let mut stage = GridStage::new(&context).unwrap();
+    let map = room_photons(3000, 14);
+    for (method, form) in [
+        (Method::Grid, Form::Dense),
+        (Method::Grid, Form::Hashed(Some(32))),
+        (Method::Knn, Form::Dense),
+        (Method::Brute, Form::Dense),
+    ] {
+        let both_sides = form != Form::Dense;
+        let gathering = Gathering { method, clip: true, both_sides, ..Gathering::default() };
+        let wanted = Wanted { nearest: 12, form, ..Wanted::radius(0.8) };
+        let twin = by_twin(&map, &wanted, gathering);
+        let found = on_gl(&context, &headless, &mut stage, &map, &wanted, gathering);
+        let off = difference(&twin, &found);
+        assert!(off < OTHER_COMPILER, "{gathering:?}, {form:?}: {off}");
     }
 }
 
