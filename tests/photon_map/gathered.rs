@@ -9,8 +9,8 @@ use photile::cpu::grid::grid;
 use photile::cpu::scene::SceneTables;
 use photile::features::{Features, Lights};
 use photile::gathering::{DensityKernel, Gathering, Method};
-use photile::gl::{Headless, Program, TableTexture, Target};
-use photile::layout::{Frame, Object, Record, TEXTURE_WIDTH_LOG2};
+use photile::gl::{Headless, Program, Target};
+use photile::layout::Frame;
 use photile::pack::Packed;
 use photile::source::{Options, assemble};
 use photile::stage::grid::{GridStage, Wanted};
@@ -102,16 +102,11 @@ fn on_gl(context: &Context, headless: &Headless, stage: &mut GridStage, map: &Ma
     photons.fill(context, grid, &stored, &gathering).unwrap();
     let options = Options { defines: gathering.defines(), ..Options::default() };
     let program = Program::new(&headless.gl, &assemble("trace.frag", Some(&features()), &options)).unwrap();
-    let mut objects = TableTexture::new(&headless.gl, TEXTURE_WIDTH_LOG2).unwrap();
-    objects.fill(&packed.objects).unwrap();
     let target = Target::new(&headless.gl, WIDTH as u32, HEIGHT as u32, false).unwrap();
-    let mut samplers = vec![Object::TABLE];
-    samplers.extend(PhotonTextures::SAMPLERS);
-    program.activate(&samplers);
+    program.activate(&PhotonTextures::SAMPLERS);
     program.set_records(&[frame()]);
     program.set_records(&packed.objects);
-    objects.bind(0);
-    photons.bind(&program, 1);
+    photons.bind(&program, 0);
     target.draw(&program).unwrap();
     target.read().iter().map(|[r, g, b, _]| [*r, *g, *b].map(f32::from_bits)).collect()
 }

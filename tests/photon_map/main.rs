@@ -4,6 +4,9 @@ mod gathered;
 mod queries;
 mod tables;
 
+use std::ops::Deref;
+use std::sync::{Mutex, MutexGuard};
+
 use photile::cells::{CellSize, Form, Plan, plan};
 use photile::cl::{Buffer, Context};
 use photile::cpu::grid::{PhotonTables, grid_bounds};
@@ -159,7 +162,24 @@ pub fn surface_point(object: &Object, random: &mut Random) -> [f32; 3] {
     [0, 1, 2].map(|axis| p[axis] + off * object.anchor[axis])
 }
 
-/// The first OpenCL device: every machine that runs the tests has one, if only PoCL.
-pub fn device() -> Context {
-    open_device(None, &mut |_| {}).expect("an OpenCL device")
+/// A device for one test.
+pub struct Device {
+    context: Context,
+    _alone: MutexGuard<'static, ()>,
+}
+
+impl Deref for Device {
+    type Target = Context;
+
+    fn deref(&self) -> &Context {
+        &self.context
+    }
+}
+
+/// The first OpenCL device: every machine that runs the tests has one, if only PoCL. One test at a time: PoCL and
+/// llvmpipe share one LLVM, and crash when both compile at once.
+pub fn device() -> Device {
+    static ALONE: Mutex<()> = Mutex::new(());
+    let alone = ALONE.lock().unwrap_or_else(|failed| failed.into_inner());
+    Device { context: open_device(None, &mut |_| {}).expect("an OpenCL device"), _alone: alone }
 }
