@@ -10,6 +10,8 @@
 #define lanes_i(x) int(x)
 #define lanes_u(x) uint(x)
 #define make3(x, y, z) vec3(x, y, z)
+#define Float3 vec3
+#define triple(x, y, z) vec3(x, y, z)
 #define add3(a, b) ((a) + (b))
 #define sub3(a, b) ((a) - (b))
 #define mul3(a, b) ((a) * (b))
@@ -21,8 +23,13 @@
 #define pick_b(c, a, b) ((c) ? (a) : (b))
 #define pick3(c, a, b) ((c) ? (a) : (b))
 #define any_lane(c) (c)
+#define lowest(c, x) (x)
+#define highest(c, x) (x)
+#define highest_i(c, i) (i)
 #define NO_LANE false
 #define fabs abs
+#define arctan2(y, x) atan(y, x)
+#define multiply_add(a, b, c) ((a) * (b) + (c))
 #define to_real(i) float(i)
 #define u_to_real(u) float(u)
 #define to_int(x) int(x)
@@ -55,6 +62,11 @@ vec3 texel(sampler2D table, int t) {
 // One record for all lanes: in GLSL every fetch is a lane's own.
 #define FETCH3_SAME FETCH3
 #define FETCH1_SAME FETCH1
+#define FETCH3_SCALAR FETCH3
+#define FETCH1_SCALAR FETCH1
+// A plain list of numbers, three to a texel.
+#define LIST(name) uniform sampler2D name;
+#define ENTRY(list, i) TEXEL(list, (i) / 3)[(i) % 3]
 // Small scenes are uniforms (layout.rs says how small).
 #ifdef SCENE_IN_UNIFORMS
 #define SCENE_TABLE(name, texels) uniform vec3 name[texels];
@@ -67,8 +79,11 @@ vec3 texel(sampler2D table, int t) {
 #endif
 #define SCENE3_SAME SCENE3
 #define SCENE1_SAME SCENE1
+#define SCENE3_SCALAR SCENE3
+#define SCENE1_SCALAR SCENE1
 #define PARAMS(name, texels) uniform vec3 name[texels];
 #define PARAM3(table, t) table[t]
+#define PARAM3_SCALAR PARAM3
 #define PARAM1(table, t, channel) table[t][channel]
 
 // What OpenCL passes as pointers is global here.

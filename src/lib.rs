@@ -24,9 +24,11 @@ pub mod cl;
 pub mod cpu;
 pub mod gl;
 
+pub mod cells;
 pub mod change;
 pub mod features;
 pub mod film;
+pub mod gathering;
 pub mod metrics;
 pub mod pack;
 pub mod source;

@@ -96,7 +96,7 @@ fn check_one(
 ) -> Result<()> {
     let stride = record.texels * TEXEL;
     let count = floats.len() / stride;
-    let options = Options { inject: inject.map(String::from), record: record.name, ..Options::default() };
+    let options = Options { inject: inject.map(String::from), table: record.table, ..Options::default() };
     if let Some(headless) = &readers.gl {
         // Narrow rows for small tables, wide ones for all: a texture's height is limited too.
         let widths: &[u32] = if record.single {

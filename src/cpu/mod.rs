@@ -3,7 +3,11 @@
 
 pub mod bsdf;
 pub mod camera;
+pub mod density;
+pub mod gather;
+pub mod grid;
 pub mod intersect;
 pub mod random;
+pub mod scan;
 pub mod scene;
 pub mod trace;

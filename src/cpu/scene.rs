@@ -39,6 +39,8 @@ pub struct Surface {
     pub normal: Vec3,
     /// Index into the object table.
     pub object: usize,
+    /// +1 on the side that the stored normal points to, else −1.
+    pub side: f32,
 }
 
 impl<'a> SceneTables<'a> {
@@ -89,7 +91,7 @@ impl<'a> SceneTables<'a> {
         } else {
             (p + anchor * (object.extent - anchor.dot(p)), anchor)
         };
-        let normal = if normal.dot(direction) > 0.0 { -normal } else { normal };
-        Surface { position, normal, object: hit.object }
+        let side = if normal.dot(direction) > 0.0 { -1.0 } else { 1.0 };
+        Surface { position, normal: normal * side, object: hit.object, side }
     }
 }

@@ -1,3 +1,7 @@
 //! Stages on their devices: arguments, sizes, launches. Each has a twin of the same name in `cpu`.
 
+pub mod grid;
+pub mod photon_textures;
+pub mod scan;
+pub mod sort;
 pub mod trace;

@@ -1,0 +1,125 @@
+//! How stored photons become radiance: the method, the density kernel, and what the scene asks of the code.
+
+use crate::features::Features;
+use crate::layout::Object;
+
+/// How the photons around a point are found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Method {
+    /// The cells around the point.
+    #[default]
+    Grid,
+    /// The k nearest of them within R; the distance to the next one is the radius.
+    Knn,
+    /// All photons of the map: the truth for tests.
+    Brute,
+}
+
+/// The kernel K of the density estimate; each integrates to 1 over the unit disc.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum DensityKernel {
+    /// 1/π.
+    Constant,
+    /// 2/π · (1 − t²): the least variance for its bias (Epanechnikov 1969).
+    #[default]
+    Epanechnikov,
+    /// 3/π · (1 − t) (Jensen 1996).
+    Cone,
+    /// 3/π · (1 − t²)²: smooth at its rim.
+    Biweight,
+}
+
+impl DensityKernel {
+    /// All of them.
+    pub const ALL: [DensityKernel; 4] =
+        [DensityKernel::Constant, DensityKernel::Epanechnikov, DensityKernel::Cone, DensityKernel::Biweight];
+
+    /// As shaders know it.
+    pub fn define(self) -> &'static str {
+        match self {
+            DensityKernel::Constant => "KERNEL_CONSTANT",
+            DensityKernel::Epanechnikov => "KERNEL_EPANECHNIKOV",
+            DensityKernel::Cone => "KERNEL_CONE",
+            DensityKernel::Biweight => "KERNEL_BIWEIGHT",
+        }
+    }
+}
+
+/// The permutation of the gathering code.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+pub struct Gathering {
+    /// How photons are found.
+    pub method: Method,
+    /// How they are weighed.
+    pub kernel: DensityKernel,
+    /// The grid is in its hashed form.
+    pub hashed: bool,
+    /// A plane may cut the disc around some point.
+    pub clip: bool,
+    /// Photons may lie on both sides of a plane.
+    pub both_sides: bool,
+}
+
+/// Most photons that the k-nearest method takes (`KNN_MAX`).
+pub const MAX_NEAREST: u32 = 256;
+
+impl Gathering {
+    /// Lanes that a work-item may have: a heap of nearest photons serves one query.
+    pub fn lanes(&self, device_lanes: u32) -> u32 {
+        if self.method == Method::Knn { 1 } else { device_lanes }
+    }
+
+    /// What a scene's objects need.
+    ///
+    /// A plane cuts discs of other surfaces only: it takes two objects. Photons lie on both sides of a plane only
+    /// where one separates camera and lights, or where light passes through one: all else starts in one half-space
+    /// and stays there.
+    pub fn of(objects: &[Object], sphere_count: usize, features: &Features, glass_planes: bool) -> Gathering {
+        let planes = objects.len() - sphere_count;
+        Gathering {
+            clip: planes > 0 && objects.len() > 1,
+            both_sides: planes > 0 && objects.len() > 1 && (features.plane_shadows || glass_planes),
+            ..Gathering::default()
+        }
+    }
+
+    /// The `#define`s of this permutation.
+    pub fn defines(&self) -> Vec<String> {
+        let mut defines = vec!["HAS_PHOTONS".to_string(), self.kernel.define().to_string()];
+        let mut add = |on: bool, name: &str| {
+            if on {
+                defines.push(name.to_string());
+            }
+        };
+        add(self.method == Method::Brute, "GATHER_BRUTE");
+        add(self.method == Method::Knn, "GATHER_KNN");
+        add(self.hashed, "GRID_HASHED");
+        add(self.clip, "HAS_CLIP");
+        add(self.both_sides, "HAS_BOTH_SIDES");
+        defines
+    }
+
+    /// Every permutation there is, for the test that compiles them all.
+    pub fn reachable() -> Vec<Gathering> {
+        let all = [false, true];
+        let mut reachable = Vec::new();
+        for kernel in DensityKernel::ALL {
+            for (method, hashed) in [
+                (Method::Grid, false),
+                (Method::Grid, true),
+                (Method::Knn, false),
+                (Method::Knn, true),
+                (Method::Brute, false),
+            ] {
+                for (clip, both_sides) in all.into_iter().flat_map(|a| all.map(|b| (a, b))) {
+                    if clip || !both_sides {
+                        reachable.push(Gathering { method, kernel, hashed, clip, both_sides });
+                    }
+                }
+            }
+        }
+        reachable
+    }
+}
