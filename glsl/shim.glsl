@@ -17,6 +17,7 @@
 #define cross3(a, b) cross(a, b)
 #define pick(c, a, b) ((c) ? (a) : (b))
 #define pick_i(c, a, b) ((c) ? (a) : (b))
+#define pick_u(c, a, b) ((c) ? (a) : (b))
 #define pick_b(c, a, b) ((c) ? (a) : (b))
 #define pick3(c, a, b) ((c) ? (a) : (b))
 #define any_lane(c) (c)

@@ -87,6 +87,7 @@ Vec3 cross3(Vec3 a, Vec3 b) {
 #define NO_LANE ((Bool)(0))
 #define pick(c, a, b) ((c) ? (Real)(a) : (Real)(b))
 #define pick_i(c, a, b) ((c) ? (Int)(a) : (Int)(b))
+#define pick_u(c, a, b) ((c) ? (Uint)(a) : (Uint)(b))
 #define pick_b(c, a, b) ((c) ? (a) : (b))
 #define float_of(i) ((float)(i))
 #if LANES > 1
@@ -151,3 +152,43 @@ void store_block(__global float *film, int column, int row, int width, int heigh
 // What GLSL holds as globals is passed along.
 #define SCENE_PARAMS __global const float *frame, __global const float *objects, __global const float *lights,
 #define SCENE frame, objects, lights,
+
+#define STRUCT(name) typedef struct name name; struct name
+#define EMISSION_PARAMS __global const float *emitters, __global const uint *emitter_counts, \
+    __global const uint *slots, __global const uint *emission_cells,
+#define EMISSION emitters, emitter_counts, slots, emission_cells,
+#define to_int_bits(u) as_int(u)
+#define multiply_high(a, b) mul_hi(a, b)
+#if LANES == 1
+#define LANE_NUMBER 0u
+#define FETCH_U(table, i) (table)[i]
+#define STORE_RUNS(table, first, count, v) (table)[first] = (v)
+#define LOAD_RUNS(table, first, count) (table)[first]
+#define store_lanes(mask, slot, table, v) if (mask) vstore3(v, slot, table)
+#define store_photons(mask, slot, ta, a, tb, b, tc, c) if (mask) { vstore3(a, slot, ta); vstore3(b, slot, tb); vstore3(c, slot, tc); }
+#else
+#if LANES == 4
+#define LANE_NUMBER ((Uint)(0u, 1u, 2u, 3u))
+#elif LANES == 8
+#define LANE_NUMBER ((Uint)(0u, 1u, 2u, 3u, 4u, 5u, 6u, 7u))
+#else
+#define LANE_NUMBER ((Uint)(0u, 1u, 2u, 3u, 4u, 5u, 6u, 7u, 8u, 9u, 10u, 11u, 12u, 13u, 14u, 15u))
+#endif
+Uint fetch_u(__global const uint *table, Uint i) {
+    uint each[LANES], v[LANES];
+    CONCAT(vstore, LANES)(i, 0, each);
+    for (int lane = 0; lane < LANES; lane++) v[lane] = table[each[lane]];
+    return CONCAT(vload, LANES)(0, v);
+}
+#define FETCH_U fetch_u
+// tables of runs are padded to whole work-items
+#define STORE_RUNS(table, first, count, v) CONCAT(vstore, LANES)(v, 0, (table) + (first))
+#define LOAD_RUNS(table, first, count) CONCAT(vload, LANES)(0, (table) + (first))
+void store_lanes(Bool mask, Uint slot, __global float *table, Vec3 v) {
+    float x[LANES], y[LANES], z[LANES]; uint s[LANES]; int m[LANES];
+    CONCAT(vstore, LANES)(v.x, 0, x); CONCAT(vstore, LANES)(v.y, 0, y); CONCAT(vstore, LANES)(v.z, 0, z);
+    CONCAT(vstore, LANES)(slot, 0, s); CONCAT(vstore, LANES)(mask, 0, m);
+    for (int lane = 0; lane < LANES; lane++) if (m[lane]) vstore3((float3)(x[lane], y[lane], z[lane]), s[lane], table);
+}
+#define store_photons(mask, slot, ta, a, tb, b, tc, c) { store_lanes(mask, slot, ta, a); store_lanes(mask, slot, tb, b); store_lanes(mask, slot, tc, c); }
+#endif

@@ -57,6 +57,7 @@ struct Surface {
     Vec3 position; // scene space, back on the surface to an ulp
     Vec3 normal;   // unit, towards the side the ray came from
     Int object;
+    Real side;     // +1 on the side that the stored normal points to, else −1
 };
 
 Surface surface_at(SCENE_PARAMS Vec3 origin, Vec3 direction, Hit hit) {
@@ -82,5 +83,6 @@ Surface surface_at(SCENE_PARAMS Vec3 origin, Vec3 direction, Hit hit) {
 #endif
     Bool from_behind = dot3(surface.normal, direction) > 0.0f;
     surface.normal = pick3(from_behind, negate3(surface.normal), surface.normal);
+    surface.side = pick(from_behind, -1.0f, 1.0f);
     return surface;
 }
