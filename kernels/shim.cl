@@ -6,6 +6,8 @@
 #define CONCAT_(a, b) a##b
 #define CONCAT(a, b) CONCAT_(a, b)
 
+#define STRUCT(name) typedef struct name name;
+
 #if LANES == 1
 
 typedef float Real;

@@ -208,6 +208,23 @@ pub fn prelude(inject: Option<&str>) -> String {
     text
 }
 
+/// Reads of every field of a record by its accessor, `FIELD3(0, object_anchor(i))`, for `validate`'s programs, which
+/// define `FIELD1` and `FIELD3`. `same` takes the accessors that load one record for all lanes.
+///
+/// # Panics
+/// When no record has this name.
+pub fn field_reads(record: &str, same: bool) -> String {
+    let record = RECORDS.iter().find(|r| r.name == record).unwrap_or_else(|| panic!("no record named {record}"));
+    let argument = if record.single { "()" } else { "(i)" };
+    let suffix = if same && !record.single { "_same" } else { "" };
+    let mut text = String::new();
+    for (number, field) in record.fields.iter().enumerate() {
+        writeln!(text, "FIELD{}({number}, {}_{}{suffix}{argument})", field.floats, record.name, field.name)
+            .expect("writing to a string");
+    }
+    text
+}
+
 /// Whether `name` is a field as `--inject` names it, `record.field`.
 pub fn is_field(name: &str) -> bool {
     RECORDS.iter().any(|r| r.fields.iter().any(|f| format!("{}.{}", r.name, f.name) == name))

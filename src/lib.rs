@@ -1,5 +1,38 @@
-//! Photile.
-pub mod error;
+//! Photile renders scenes with photon mapping.
+//!
+//! ```text
+//! scene.toml ─parse→ Scene ─┬─ features: what this scene and these settings need; all else is neither compiled,
+//!                           │            allocated, launched nor uploaded
+//!                           ├─ pack: RGB32F texels (layout is the only place with an offset)
+//!                           ▼
+//!   photons (CL) ──► grid (CL) ──┐
+//!               └──► tiles (CL) ─┴─► trace + gather (GL fragment shader | CL kernel | CPU) ─► film ─► PNG/EXR/window
+//! ```
+//!
+//! Modules from the user's side down; each imports only what stands below it.
+
+#![warn(missing_docs)]
+
+pub mod cli;
+
+pub mod pipeline;
+pub mod validate;
+
+pub mod stage;
+
+pub mod cl;
+pub mod cpu;
+pub mod gl;
+
+pub mod change;
+pub mod features;
 pub mod film;
 pub mod metrics;
+pub mod pack;
+pub mod source;
+
 pub mod scene;
+pub mod settings;
+
+pub mod error;
+pub mod layout;

@@ -1,1 +1,13 @@
-fn main() {}
+//! The `photile` program: see `photile --help`.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    match photile::cli::run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("photile: {error}");
+            ExitCode::from(error.exit_code())
+        }
+    }
+}

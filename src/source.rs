@@ -20,8 +20,10 @@ const FILES: &[(&str, &str)] = &[
     ("shared/bsdf.glsl", include_str!("../glsl/shared/bsdf.glsl")),
     ("shared/direct.glsl", include_str!("../glsl/shared/direct.glsl")),
     ("shared/pixel.glsl", include_str!("../glsl/shared/pixel.glsl")),
+    ("probe.frag", include_str!("../glsl/probe.frag")),
     ("shim.cl", include_str!("../kernels/shim.cl")),
     ("trace.cl", include_str!("../kernels/trace.cl")),
+    ("probe.cl", include_str!("../kernels/probe.cl")),
     ("validate.cl", include_str!("../kernels/validate.cl")),
 ];
 
@@ -42,11 +44,13 @@ pub struct Options {
     pub defines: Vec<String>,
     /// See [`layout::prelude`].
     pub inject: Option<String>,
+    /// The record whose fields `validate` reads.
+    pub record: &'static str,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Options { lanes: 1, texture_width_log2: layout::TEXTURE_WIDTH_LOG2, defines: Vec::new(), inject: None }
+        Options { lanes: 1, texture_width_log2: layout::TEXTURE_WIDTH_LOG2, defines: Vec::new(), inject: None, record: "object" }
     }
 }
 
@@ -100,6 +104,8 @@ impl Source {
         for (index, line) in text.lines().enumerate() {
             match line.strip_prefix("#include \"").and_then(|rest| rest.strip_suffix('"')) {
                 Some("layout") => self.append("(layout)", &layout::prelude(options.inject.as_deref()), options),
+                Some("fields") => self.append("(fields)", &layout::field_reads(options.record, false), options),
+                Some("fields same") => self.append("(fields)", &layout::field_reads(options.record, true), options),
                 Some(included) => self.include(included, options),
                 None => {
                     self.text.push_str(line);
@@ -129,11 +135,7 @@ impl Source {
 
 /// The line number that a log line names, and the message after it.
 fn locate(line: &str) -> Option<(usize, &str)> {
-    let number = |text: &str| {
-        let digits = text.len() - text.trim_start_matches(|c: char| c.is_ascii_digit()).len();
-        Some((text[..digits].parse::<usize>().ok()?, &text[digits..]))
-    };
-    let message = |rest: &'_ str| rest.len() - rest.trim_start_matches([':', ' ', ')', '(']).len();
+    let message = |rest: &str| rest.len() - rest.trim_start_matches([':', ' ', ')', '(']).len();
     // Mesa, Apple: "0:12(7): error: …", "ERROR: 0:12: …"; NVIDIA: "0(12) : error …".
     let start = line.strip_prefix("ERROR: ").or(line.strip_prefix("WARNING: ")).unwrap_or(line);
     if let Some(rest) = start.strip_prefix("0:").or(start.strip_prefix("0(")) {
@@ -154,6 +156,12 @@ fn locate(line: &str) -> Option<(usize, &str)> {
         }
     }
     None
+}
+
+/// A leading decimal number, and what follows it.
+fn number(text: &str) -> Option<(usize, &str)> {
+    let digits = text.len() - text.trim_start_matches(|c: char| c.is_ascii_digit()).len();
+    Some((text[..digits].parse().ok()?, &text[digits..]))
 }
 
 #[cfg(test)]

@@ -2,6 +2,15 @@
 
 #define NO_OBJECT (-1)
 
+#define SPHERE_COUNT count_of(frame_sphere_count())
+#define PLANE_COUNT count_of(frame_plane_count())
+#ifdef ONE_LIGHT
+#define LIGHT_COUNT 1
+#else
+#define LIGHT_COUNT count_of(frame_light_count())
+#endif
+
+STRUCT(Hit)
 struct Hit {
     Real t;     // distance, INFINITE when nothing is hit
     Int object; // NO_OBJECT when nothing is hit
@@ -53,6 +62,7 @@ Bool occluded(SCENE_PARAMS Vec3 origin, Vec3 direction, Real distance, Int origi
 #endif
 
 // A point on a surface with all that shading needs.
+STRUCT(Surface)
 struct Surface {
     Vec3 position; // scene space, back on the surface to an ulp
     Vec3 normal;   // unit, towards the side the ray came from

@@ -3,10 +3,12 @@
 mod buffer;
 mod context;
 mod device;
+mod probe;
 
 pub use buffer::Buffer;
 pub use context::{Arg, Context, Kernel};
 pub use device::{Device, devices};
+pub use probe::probe;
 
 use crate::error::Error;
 

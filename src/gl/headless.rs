@@ -118,6 +118,18 @@ impl Headless {
     }
 }
 
+impl Headless {
+    /// Makes this context the thread's current one: a thread with several has to say which it means.
+    ///
+    /// # Errors
+    /// [`Error::Driver`] when the context is lost.
+    pub fn make_current(&self) -> Result<()> {
+        self.egl
+            .make_current(self.display, None, None, Some(self.context))
+            .map_err(|e| Error::Driver(format!("{}: making the context current: {e}", self.route)))
+    }
+}
+
 impl Drop for Headless {
     fn drop(&mut self) {
         // The display is shared by all contexts of the process and is not terminated here. Errors can only mean that

@@ -1,11 +1,13 @@
 //! OpenGL 3.3 core: contexts, programs, textures, targets. All `unsafe` towards EGL and GL is in this folder.
 
 mod headless;
+mod probe;
 mod program;
 mod target;
 mod texture;
 
 pub use headless::{Headless, contexts};
+pub use probe::probe;
 pub use program::Program;
 pub use target::Target;
 pub use texture::TableTexture;

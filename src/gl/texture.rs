@@ -45,7 +45,7 @@ impl TableTexture {
     /// # Errors
     /// [`Error::Device`] when the table is larger than the driver's textures, or memory is out.
     pub fn fill<R: Record>(&mut self, records: &[R]) -> Result<()> {
-        self.fill_texels(bytemuck::cast_slice(records))
+        self.fill_texels::<f32>(bytemuck::cast_slice(records))
     }
 
     /// The same for loose floats, three a texel.

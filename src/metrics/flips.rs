@@ -29,9 +29,11 @@ const BREAK: f64 = 0.5;
 /// What it cannot tell: beside an edge, an error that looks like either side or like something between them; an edge
 /// that is displaced by a pixel along its whole length (every pixel of it is a flip). A wrong renderer makes many of
 /// them, so **bound their number**. It is meant for images without noise and with one sample a pixel: noise is full of
-/// breaks. Not excused, though harmless, is a limb so steep that its outermost pixel is darker than all around it on
-/// either side (spheres of a few pixels before a wall of about their own radiance). At the image's border an edge counts only if it crosses a side of the ring that is inside the image. NaN and
-/// infinity are never excused.
+/// breaks.
+///
+/// What it does not excuse: a limb so steep that its outermost pixel is darker than all around it on either side
+/// (spheres of a few pixels before a wall of about their own radiance); at the image's border, an edge that crosses no
+/// side of the ring inside the image; NaN and infinity.
 ///
 /// # Errors
 /// Images of different size.

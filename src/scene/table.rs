@@ -47,7 +47,7 @@ impl Text<'_> {
             // Control characters would garble a terminal.
             line.extend(
                 word.chars()
-                    .take(LONGEST)
+                    .take(LONGEST + 1)
                     .map(|c| if c.is_control() { '\u{fffd}' } else { c }),
             );
             if line.chars().count() > LONGEST {
@@ -87,7 +87,7 @@ impl<'a> Table<'a> {
         let mut error = self.text.error(
             key.span().start,
             format!(
-                "unknown key {} in {}",
+                "unknown key `{}` in {}",
                 self.text.quote(key.span()),
                 self.title
             ),

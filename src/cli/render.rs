@@ -1,0 +1,100 @@
+//! `photile render`: a scene file in, an image out.
+
+use std::path::PathBuf;
+
+use serde::Serialize;
+
+use super::options::{BackendArg, RenderOptions};
+use super::{notice, print_json};
+use crate::change::Stage;
+use crate::error::Result;
+use crate::film::{SaveOptions, check_output};
+use crate::pipeline::{Devices, Pipeline, Times};
+use crate::settings::{Backend, LightMode};
+
+/// Render a scene to a PNG or EXR file
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    options: RenderOptions,
+    /// Where to write: .png (tone-mapped sRGB) or .exr (linear radiance) [default: the scene's name, .png]
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Which machine renders [default: opengl, else opencl, else cpu]
+    #[arg(long, value_enum)]
+    backend: Option<BackendArg>,
+    /// Exposure value: PNGs show radiance scaled by 2^EV
+    #[arg(long, value_name = "EV", allow_negative_numbers = true)]
+    exposure: Option<f32>,
+    /// Print one JSON object on stdout
+    #[arg(long)]
+    json: bool,
+}
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Report<'a> {
+    scene: &'a str,
+    backend: Backend,
+    light: LightMode,
+    size: [u32; 2],
+    samples: u32,
+    seed: u32,
+    time_ms: Times,
+    skipped: Vec<Stage>,
+    devices: &'a Devices,
+    memory_bytes: usize,
+    output: String,
+}
+
+pub fn run(args: &Args) -> Result<()> {
+    let scene = args.options.load()?;
+    let settings = args.options.settings(&scene);
+    let output = args.output.clone().unwrap_or_else(|| PathBuf::from(format!("{}.png", scene.name)));
+    check_output(&output)?;
+
+    let machine = args.options.machine(args.backend.map(Backend::from));
+    let mut pipeline = Pipeline::open(&machine, notice)?;
+    let chosen = if args.backend.is_some() { "asked for" } else { "the first that works" };
+    let device = pipeline.devices.opengl.as_ref().or(pipeline.devices.opencl.as_ref());
+    let device = device.map(|name| format!(" on {name}")).unwrap_or_default();
+    notice(&format!("rendering with {} ({chosen}){device}", pipeline.backend.name()));
+
+    let rendering = pipeline.render(&scene, &settings)?;
+    let exposure = args.exposure.or(scene.render.exposure.map(|ev| ev as f32)).unwrap_or(0.0);
+    let note = |name: &str, value: String| (name.to_string(), value);
+    let provenance = [
+        note("scene", scene.name.clone()),
+        note("backend", pipeline.backend.name().into()),
+        note("samples", settings.samples.to_string()),
+        note("seed", settings.seed.to_string()),
+    ];
+    rendering.image.save(&output, &SaveOptions { exposure, settings: &provenance, channels: &[] })?;
+
+    let times = rendering.times;
+    notice(&format!(
+        "{} in {:.1} ms (compile {:.1}, upload {:.1}, trace {:.1}, readback {:.1})",
+        output.display(),
+        times.total,
+        times.compile,
+        times.upload,
+        times.trace,
+        times.readback
+    ));
+    if args.json {
+        print_json(&Report {
+            scene: &scene.name,
+            backend: pipeline.backend,
+            light: settings.light,
+            size: [settings.width, settings.height],
+            samples: settings.samples,
+            seed: settings.seed,
+            time_ms: times,
+            skipped: rendering.skipped,
+            devices: &pipeline.devices,
+            memory_bytes: pipeline.bytes(),
+            output: output.display().to_string(),
+        });
+    }
+    Ok(())
+}
