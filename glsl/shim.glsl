@@ -5,6 +5,7 @@
 #define Bool bool
 #define Vec3 vec3
 #define LANES 1
+#define INLINE
 #define STRUCT(name) // a struct's name is a type already
 #define lanes(x) float(x)
 #define lanes_i(x) int(x)

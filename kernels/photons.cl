@@ -14,57 +14,130 @@
 #include "shared/sampling.glsl"
 #include "walk.cl"
 
-#define WALK_PARAMS SCENE_PARAMS EMISSION_PARAMS uint paths, uint run_length, uint stream
-#define FIRST_LANE ((uint)get_global_id(0) * LANES)
-#define RUN (lanes_u(FIRST_LANE) + LANE_NUMBER)
+// Paths [first_path, end_path) in runs of run_length; `stream` is the hash of seed and pass.
+#define WALK_PARAMS SCENE_PARAMS EMISSION_PARAMS uint first_path, uint end_path, uint run_length, uint stream
+#define FIRST_RUN ((uint)get_global_id(0) * LANES)
 
-// How many photons each run stores.
-__kernel void photons_count(WALK_PARAMS, __global uint *counts, uint runs) {
-    if (FIRST_LANE >= runs) return;
-    Uint run = RUN;
-    Uint path = min(run * run_length, lanes_u(paths));
-    Uint end = min(path + run_length, lanes_u(paths));
-    Uint count = lanes_u(0u);
-    Photon photon = emit_photon(EMISSION path, stream);
-    while (any_lane(path < end)) {
-        Bool active = path < end;
-        Step step = walk(SCENE photon);
-        count += pick_u(active && step.stored, 1u, 0u);
-        photon = step.photon;
-        if (any_lane(active && !step.survives)) {
-            path += pick_u(step.survives, 0u, 1u);
-            photon = pick_photon(step.survives, photon, emit_photon(EMISSION path, stream));
-        }
-    }
-    STORE_RUNS(counts, FIRST_LANE, runs, count);
+// Tables of runs are padded to whole work-items.
+#if LANES == 1
+#define LOAD_RUNS(table) table[FIRST_RUN]
+#define STORE_RUNS(v, table) table[FIRST_RUN] = v
+#else
+#define LOAD_RUNS(table) CONCAT(vload, LANES)(get_global_id(0), table)
+#define STORE_RUNS(v, table) CONCAT(vstore, LANES)(v, get_global_id(0), table)
+#endif
+
+INLINE Uint run_start(Uint run, uint first_path, uint end_path, uint run_length) {
+    return min(run * run_length + first_path, lanes_u(end_path));
 }
 
-// Writes them, each run from its offset on; slots from `limit` on are dropped.
-__kernel void photons_emit(WALK_PARAMS, __global const uint *offsets, uint runs, uint limit,
-                           __global float *positions, __global float *powers, __global float *surfaces,
-                           __global float *directions) {
-    if (FIRST_LANE >= runs) return;
-    Uint run = RUN;
-    Uint path = min(run * run_length, lanes_u(paths));
-    Uint end = min(path + run_length, lanes_u(paths));
-    Uint slot = LOAD_RUNS(offsets, FIRST_LANE, runs);
-    Photon photon = emit_photon(EMISSION path, stream);
+// counts[run]: photons that each run stores.
+__kernel void photons_count(WALK_PARAMS, __global uint *counts, uint runs) {
+    if (FIRST_RUN >= runs) return;
+    Uint run = lanes_u(FIRST_RUN) + LANE_NUMBER;
+    Uint path = run_start(run, first_path, end_path, run_length);
+    Uint end = run_start(run + 1u, first_path, end_path, run_length);
+    Uint count = lanes_u(0u);
+    Photon photon = no_photon();
+    Bool alive = NO_LANE;
     while (any_lane(path < end)) {
-        Bool active = path < end;
+        if (any_lane(!alive)) photon = pick_photon(alive, photon, emit_photon(EMISSION path, stream));
         Step step = walk(SCENE photon);
-        Bool stored = active && step.stored && slot < limit;
-        if (any_lane(stored)) {
-            Vec3 surface = make3(to_real(step.surface.object), step.surface.side, to_real(photon.bounce));
-            store_photons(stored, slot, positions, step.surface.position, powers, photon.power, surfaces, surface);
+        count += pick_u(step.stored && path < end, 1u, 0u);
+        photon = step.photon;
+        alive = step.survives;
+        path += pick_u(alive, 0u, 1u);
+    }
+    STORE_RUNS(count, counts);
+}
+
+// The path that stores photon number `wanted` of a run, from 1 on: `--stored` stops there. One work-item, one run.
+__kernel void photons_last(WALK_PARAMS, uint wanted, __global uint *last_path) {
+    Uint path = lanes_u(first_path);
+    uint count = 0u;
+    Photon photon = no_photon();
+    Bool alive = NO_LANE;
+    uint number = first_path;
+    while (number < end_path) {
+        if (any_lane(!alive)) photon = emit_photon(EMISSION lanes_u(number), stream);
+        Step step = walk(SCENE photon);
+        if (any_lane(step.stored)) count++;
+        if (count == wanted) break;
+        photon = step.photon;
+        alive = step.survives;
+        if (!any_lane(alive)) number++;
+    }
+    *last_path = number;
+}
+
+// What a photon leaves in the map, a table a property.
 #ifdef HAS_GLOSSY
-            store_lanes(stored, slot, directions, negate3(photon.direction));
+#define MAP_PARAMS __global float *positions, __global float *powers, __global float *surfaces, __global float *directions
+#define MAP positions, powers, surfaces, directions
+#else
+#define MAP_PARAMS __global float *positions, __global float *powers, __global float *surfaces
+#define MAP positions, powers, surfaces
 #endif
-        }
+
+#if LANES == 1
+void store_photon(Bool stored, Uint slot, Photon photon, Surface surface, MAP_PARAMS) {
+    if (!stored) return;
+    vstore3(surface.position, slot, positions);
+    vstore3(photon.power, slot, powers);
+    vstore3((float3)(to_real(surface.object), surface.side, to_real(photon.bounce)), slot, surfaces);
+#ifdef HAS_GLOSSY
+    vstore3(-photon.direction, slot, directions);
+#endif
+}
+#else
+INLINE void store_lanes(uint count, const uint *lane_of, const uint *slots, Vec3 v, __global float *table) {
+    float x[LANES], y[LANES], z[LANES];
+    CONCAT(vstore, LANES)(v.x, 0, x);
+    CONCAT(vstore, LANES)(v.y, 0, y);
+    CONCAT(vstore, LANES)(v.z, 0, z);
+    for (uint i = 0; i < count; i++) {
+        uint lane = lane_of[i];
+        vstore3((float3)(x[lane], y[lane], z[lane]), slots[lane], table);
+    }
+}
+
+INLINE void store_photon(Bool stored, Uint slot, Photon photon, Surface surface, MAP_PARAMS) {
+    uint slots[LANES], lane_of[LANES];
+    int masks[LANES];
+    CONCAT(vstore, LANES)(slot, 0, slots);
+    CONCAT(vstore, LANES)(stored, 0, masks);
+    // Which lanes store, without a branch that a lane could mispredict.
+    uint count = 0u;
+    for (uint lane = 0; lane < LANES; lane++) {
+        lane_of[count] = lane;
+        count += masks[lane] & 1;
+    }
+    store_lanes(count, lane_of, slots, surface.position, positions);
+    store_lanes(count, lane_of, slots, photon.power, powers);
+    store_lanes(count, lane_of, slots, make3(to_real(surface.object), surface.side, to_real(photon.bounce)), surfaces);
+#ifdef HAS_GLOSSY
+    store_lanes(count, lane_of, slots, negate3(photon.direction), directions);
+#endif
+}
+#endif
+
+// The same walks, which now write, each run from its offset on. Slots from `limit` on are dropped.
+__kernel void photons_store(WALK_PARAMS, __global const uint *offsets, uint runs, uint limit, MAP_PARAMS) {
+    if (FIRST_RUN >= runs) return;
+    Uint run = lanes_u(FIRST_RUN) + LANE_NUMBER;
+    Uint path = run_start(run, first_path, end_path, run_length);
+    Uint end = run_start(run + 1u, first_path, end_path, run_length);
+    Uint slot = LOAD_RUNS(offsets);
+    Photon photon = no_photon();
+    Bool alive = NO_LANE;
+    while (any_lane(path < end)) {
+        if (any_lane(!alive)) photon = pick_photon(alive, photon, emit_photon(EMISSION path, stream));
+        Step step = walk(SCENE photon);
+        Bool stored = step.stored && path < end && slot < limit;
+        store_photon(stored, slot, photon, step.surface, MAP);
         slot += pick_u(stored, 1u, 0u);
         photon = step.photon;
-        if (any_lane(active && !step.survives)) {
-            path += pick_u(step.survives, 0u, 1u);
-            photon = pick_photon(step.survives, photon, emit_photon(EMISSION path, stream));
-        }
+        alive = step.survives;
+        path += pick_u(alive, 0u, 1u);
     }
 }

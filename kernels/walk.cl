@@ -1,7 +1,17 @@
 // A photon's walk: emission by a light, scattering by a surface. Counters in, so that any path can be walked again
 // alone: numbers depend on (seed, pass, path, bounce, dimension) only.
 
-STRUCT(Photon) {
+// emitters: position and power of a path, a record a light; emitter_counts: three uints a light: its slots of a round,
+// its first cell, its cells; slots: light << SLOTS_LOG2 | rank of the slot among the light's own.
+#define EMISSION_PARAMS __global const float *emitters, __global const uint *emitter_counts, \
+    __global const uint *slots, __global const uint *emission_cells,
+#define EMISSION emitters, emitter_counts, slots, emission_cells,
+#define SLOTS (1u << SLOTS_LOG2)
+#define EMISSION_ROWS (1u << EMISSION_ROWS_LOG2)
+#define EMISSION_COLUMNS (1u << EMISSION_COLUMNS_LOG2)
+
+STRUCT(Photon)
+struct Photon {
     Vec3 position;  // scene space, where it comes from
     Vec3 direction; // unit
     Vec3 power;     // W per channel
@@ -13,10 +23,10 @@ STRUCT(Photon) {
 };
 
 // Numbers of one bounce: dimension d of key.
-Uint number_u(Uint key, uint dimension) { return hash_u(key + dimension * 0x9e3779b9u); }
+INLINE Uint number_u(Uint key, uint dimension) { return hash_u(key + dimension * 0x9e3779b9u); }
 
 // `path` counts from 0 over all lights; `stream` is the hash of seed and pass.
-Photon emit_photon(EMISSION_PARAMS Uint path, Uint stream) {
+INLINE Photon emit_photon(EMISSION_PARAMS Uint path, Uint stream) {
     Photon photon;
     photon.object = lanes_i(NO_OBJECT);
     photon.bounce = lanes_i(0);
@@ -29,7 +39,7 @@ Photon emit_photon(EMISSION_PARAMS Uint path, Uint stream) {
 #else
     // A round of SLOTS paths serves each light in proportion to its flux; each light counts its own paths from 0.
     Uint slot = FETCH_U(slots, path & (SLOTS - 1u));
-    Int light = to_int_bits(slot >> SLOTS_LOG2);
+    Int light = to_int_of(slot >> SLOTS_LOG2);
     Uint index = (path >> SLOTS_LOG2) * FETCH_U(emitter_counts, (slot >> SLOTS_LOG2) * 3u) + (slot & (SLOTS - 1u));
     Uint shift = hash_u(stream ^ to_uint(light));
     photon.position = emitter_position(light);
@@ -59,7 +69,7 @@ Photon emit_photon(EMISSION_PARAMS Uint path, Uint stream) {
     Uint cell = FETCH_U(emission_cells, multiply_high(height, lanes_u(cells)) + first);
     Real row = u_to_real(cell >> EMISSION_COLUMNS_LOG2);
     Uint column = cell & (EMISSION_COLUMNS - 1u);
-    Real z = 1.0f - (row + unit_real(height * cells)) * (2.0f / EMISSION_ROWS);
+    Real z = 1.0f - (row + unit_real(height * cells)) * (2.0f / float_of(EMISSION_ROWS));
     photon.direction = sphere_at(z, (column << (32u - EMISSION_COLUMNS_LOG2)) + (turn >> EMISSION_COLUMNS_LOG2));
 #else
     photon.direction = sample_sphere(height, turn);
@@ -67,9 +77,10 @@ Photon emit_photon(EMISSION_PARAMS Uint path, Uint stream) {
     return photon;
 }
 
-Real largest(Vec3 v) { return max(max(v.x, v.y), v.z); }
+INLINE Real largest(Vec3 v) { return max(max(v.x, v.y), v.z); }
 
-STRUCT(Material) {
+STRUCT(Material)
+struct Material {
     Vec3 diffuse; // kd·c
     Real specular;
     Real alpha;
@@ -77,39 +88,43 @@ STRUCT(Material) {
 
 // What happens at a surface: absorbed, or a new direction. `photon` arrives; its key moves on to the next bounce.
 // Russian roulette keeps the largest channel of the power where it is: survivors of a grey wall all carry the same.
-STRUCT(Scattered) {
+STRUCT(Scattered)
+struct Scattered {
     Photon photon;
     Bool survives;
 };
 
-Scattered scatter(Photon photon, Surface surface, Material material) {
+INLINE Scattered scatter(Photon photon, Surface surface, Material material) {
     Scattered scattered;
     Real before = largest(photon.power);
     Vec3 diffuse_power = mul3(photon.power, material.diffuse);
-    Real keep_diffuse = largest(diffuse_power) / before;
-    Real keep = keep_diffuse;
+    Real after = largest(diffuse_power);
+    // Shares of `before`, so that nothing is divided: [0, after) goes on diffusely, [after, after + mirrored) by the
+    // lobe, the rest is absorbed.
+    Real chance = unit_real(number_u(photon.key, 0u)) * before;
+    Real limit = lanes(1.0f);
+    Real kept = after;
 #ifdef HAS_GLOSSY
-    keep = keep + material.specular;
+    kept = kept + material.specular * before;
 #endif
-    // White walls would keep a photon for ever: from bounce 16 on at least a twentieth stops.
-    Real limit = pick(photon.bounce < 16, 1.0f, 0.95f);
-    Real scale = pick(keep > limit, limit / keep, 1.0f);
-    Real chance = unit_real(number_u(photon.key, 0u));
-    scattered.survives = chance < keep * scale;
+    // White walls would keep a photon for ever: from this bounce on at least a twentieth stops.
+    Bool late = photon.bounce >= 16 && kept > 0.95f * before;
+    if (any_lane(late)) limit = pick(late, 0.95f * before / kept, 1.0f);
+    scattered.survives = chance < kept * limit;
 
     Bool first = photon.bounce == 0;
     Uint height = pick_u(first, photon.height, number_u(photon.key, 1u));
     Uint turn = pick_u(first, photon.turn, number_u(photon.key, 2u));
     scattered.photon.direction = sample_cosine(surface.normal, height, turn);
-    scattered.photon.power = scale3(diffuse_power, 1.0f / (keep_diffuse * scale));
+    scattered.photon.power = scale3(diffuse_power, before / (after * limit));
 #ifdef HAS_GLOSSY
-    Bool reflected = chance >= keep_diffuse * scale;
+    Bool reflected = chance >= after * limit;
     if (any_lane(reflected && scattered.survives)) {
         Vec3 to_viewer = negate3(photon.direction);
         Vec3 half_way = sample_ggx(surface.normal, to_viewer, material.alpha, height, turn);
         Vec3 mirrored = sub3(scale3(half_way, 2.0f * dot3(half_way, to_viewer)), to_viewer);
         Real cosine = dot3(mirrored, surface.normal);
-        Vec3 power = scale3(photon.power, smith_g1(cosine, material.alpha) / scale);
+        Vec3 power = scale3(photon.power, smith_g1(cosine, material.alpha) / limit);
         scattered.photon.direction = pick3(reflected, normalize3(mirrored), scattered.photon.direction);
         scattered.photon.power = pick3(reflected, power, scattered.photon.power);
         // Facets send some light into the surface: lost, as in the BSDF.
@@ -125,7 +140,20 @@ Scattered scatter(Photon photon, Surface surface, Material material) {
     return scattered;
 }
 
-Photon pick_photon(Bool c, Photon a, Photon b) {
+INLINE Photon no_photon() {
+    Photon p;
+    p.position = make3(lanes(0.0f), lanes(0.0f), lanes(0.0f));
+    p.direction = p.position;
+    p.power = p.position;
+    p.object = lanes_i(NO_OBJECT);
+    p.bounce = lanes_i(0);
+    p.key = lanes_u(0u);
+    p.height = p.key;
+    p.turn = p.key;
+    return p;
+}
+
+INLINE Photon pick_photon(Bool c, Photon a, Photon b) {
     Photon p;
     p.position = pick3(c, a.position, b.position);
     p.direction = pick3(c, a.direction, b.direction);
@@ -139,14 +167,15 @@ Photon pick_photon(Bool c, Photon a, Photon b) {
 }
 
 // One ray of a walk: from a photon under way to the surface that it meets, and onward.
-STRUCT(Step) {
+STRUCT(Step)
+struct Step {
     Surface surface;
     Bool stored;   // a photon belongs here
     Bool survives; // `photon` goes on
     Photon photon;
 };
 
-Step walk(SCENE_PARAMS Photon photon) {
+INLINE Step walk(SCENE_PARAMS Photon photon) {
     Step step;
     Hit hit = closest_hit(SCENE photon.position, photon.direction, photon.object);
     Bool visible = hit.object >= 0;
