@@ -11,6 +11,8 @@
 #define lanes_i(x) int(x)
 #define lanes_u(x) uint(x)
 #define make3(x, y, z) vec3(x, y, z)
+#define Float3 vec3
+#define triple(x, y, z) vec3(x, y, z)
 #define add3(a, b) ((a) + (b))
 #define sub3(a, b) ((a) - (b))
 #define mul3(a, b) ((a) * (b))
@@ -23,8 +25,13 @@
 #define pick_b(c, a, b) ((c) ? (a) : (b))
 #define pick3(c, a, b) ((c) ? (a) : (b))
 #define any_lane(c) (c)
+#define lowest(c, x) (x)
+#define highest(c, x) (x)
+#define highest_i(c, i) (i)
 #define NO_LANE false
 #define fabs abs
+#define arctan2(y, x) atan(y, x)
+#define multiply_add(a, b, c) ((a) * (b) + (c))
 #define to_real(i) float(i)
 #define u_to_real(u) float(u)
 #define to_int(x) int(x)
@@ -57,8 +64,14 @@ vec3 texel(sampler2D table, int t) {
 // One record for all lanes: in GLSL every fetch is a lane's own.
 #define FETCH3_SAME FETCH3
 #define FETCH1_SAME FETCH1
+#define FETCH3_SCALAR FETCH3
+#define FETCH1_SCALAR FETCH1
+// A plain list of numbers, three to a texel.
+#define LIST(name) uniform sampler2D name;
+#define ENTRY(list, i) TEXEL(list, (i) / 3)[(i) % 3]
 #define PARAMS(name, texels) uniform vec3 name[texels];
 #define PARAM3(table, t) table[t]
+#define PARAM3_SCALAR PARAM3
 #define PARAM1(table, t, channel) table[t][channel]
 
 // What OpenCL passes as pointers is global here.

@@ -12,7 +12,17 @@
 #include "shared/scene.glsl"
 #include "shared/bsdf.glsl"
 #include "shared/sampling.glsl"
-#include "walk.cl"
+
+// What GLSL would hold as globals: emitters, a record a light; emitter_counts, three uints a light: its slots of a
+// round, its first cell of the emission map, its cells; slots: light << SLOTS_LOG2 | rank among the light's own slots.
+#ifndef SLOTS_LOG2
+#define SLOTS_LOG2 12u
+#endif
+#define SLOTS (1u << SLOTS_LOG2)
+#define EMISSION_PARAMS __global const float *emitters, __global const uint *emitter_counts, \
+    __global const uint *slots, __global const uint *emission_cells,
+#define EMISSION emitters, emitter_counts, slots, emission_cells,
+#include "shared/walk.glsl"
 
 // Paths [first_path, end_path) in runs of run_length; `stream` is the hash of seed and pass.
 #define WALK_PARAMS SCENE_PARAMS EMISSION_PARAMS uint first_path, uint end_path, uint run_length, uint stream
@@ -49,6 +59,8 @@ __kernel void photons_count(WALK_PARAMS, __global uint *counts, uint runs) {
         path += pick_u(alive, 0u, 1u);
     }
     STORE_RUNS(count, counts);
+    // One count more than there are runs: the scan turns it into the sum of all.
+    if (FIRST_RUN == 0u) counts[(runs + LANES - 1u) / LANES * LANES] = 0u;
 }
 
 // The path that stores photon number `wanted` of a run, from 1 on: `--stored` stops there. One work-item, one run.
@@ -83,8 +95,8 @@ __kernel void photons_last(WALK_PARAMS, uint wanted, __global uint *last_path) {
 void store_photon(Bool stored, Uint slot, Photon photon, Surface surface, MAP_PARAMS) {
     if (!stored) return;
     vstore3(surface.position, slot, positions);
-    vstore3(photon.power, slot, powers);
-    vstore3((float3)(to_real(surface.object), surface.side, to_real(photon.bounce)), slot, surfaces);
+    vstore3(photon.throughput * photon.power, slot, powers);
+    vstore3((float3)(to_real(surface.object), pick(surface.inside, -1.0f, 1.0f), to_real(photon.bounce)), slot, surfaces);
 #ifdef HAS_GLOSSY
     vstore3(-photon.direction, slot, directions);
 #endif
@@ -113,8 +125,8 @@ INLINE void store_photon(Bool stored, Uint slot, Photon photon, Surface surface,
         count += masks[lane] & 1;
     }
     store_lanes(count, lane_of, slots, surface.position, positions);
-    store_lanes(count, lane_of, slots, photon.power, powers);
-    store_lanes(count, lane_of, slots, make3(to_real(surface.object), surface.side, to_real(photon.bounce)), surfaces);
+    store_lanes(count, lane_of, slots, scale3(photon.throughput, photon.power), powers);
+    store_lanes(count, lane_of, slots, make3(to_real(surface.object), pick(surface.inside, -1.0f, 1.0f), to_real(photon.bounce)), surfaces);
 #ifdef HAS_GLOSSY
     store_lanes(count, lane_of, slots, negate3(photon.direction), directions);
 #endif

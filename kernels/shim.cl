@@ -6,6 +6,9 @@
 #define CONCAT_(a, b) a##b
 #define CONCAT(a, b) CONCAT_(a, b)
 
+// One for all lanes.
+typedef float3 Float3;
+#define triple(x, y, z) ((float3)(x, y, z))
 #define STRUCT(name) typedef struct name name;
 
 #if LANES == 1
@@ -24,6 +27,9 @@ typedef float3 Vec3;
 #define cross3(a, b) cross(a, b)
 #define pick3(c, a, b) ((c) ? (a) : (b))
 #define any_lane(c) (c)
+#define lowest(c, x) (x)
+#define highest(c, x) (x)
+#define highest_i(c, i) (i)
 #define LANE_COLUMNS 1
 #define LANE_ROWS 1
 #define LANE_COLUMN 0
@@ -113,8 +119,55 @@ Vec3 cross3(Vec3 a, Vec3 b) {
 Vec3 pick3_(Bool c, Vec3 a, Vec3 b) { return make3(pick(c, a.x, b.x), pick(c, a.y, b.y), pick(c, a.z, b.z)); }
 #endif
 
+#define arctan2(y, x) atan2(y, x)
+// mad() may be two instructions, and is on PoCL; fma() may be a library call where the hardware has none.
+#if defined(FP_FAST_FMAF) || LANES == 16
+#define multiply_add(a, b, c) fma(a, b, c)
+#else
+#define multiply_add(a, b, c) mad(a, b, c)
+#endif
+
+#if LANES > 1
+// Least and greatest value among the lanes for which c holds; at least one does.
+float lowest(Bool c, Real x) {
+    x = pick(c, x, 3.0e38f);
+#if LANES == 16
+    float8 half16 = min(x.lo, x.hi);
+    float4 half8 = min(half16.lo, half16.hi);
+#elif LANES == 8
+    float4 half8 = min(x.lo, x.hi);
+#else
+    float4 half8 = x;
+#endif
+    float2 half4 = min(half8.lo, half8.hi);
+    return min(half4.x, half4.y);
+}
+float highest(Bool c, Real x) { return -lowest(c, -x); }
+int highest_i(Bool c, Int x) {
+    x = pick_i(c, x, -1);
+#if LANES == 16
+    int8 half16 = max(x.lo, x.hi);
+    int4 half8 = max(half16.lo, half16.hi);
+#elif LANES == 8
+    int4 half8 = max(x.lo, x.hi);
+#else
+    int4 half8 = x;
+#endif
+    int2 half4 = max(half8.lo, half8.hi);
+    return max(half4.x, half4.y);
+}
+#endif
+
 // Tables are packed float triples (vload3: a float3* would stride 16 bytes).
-#define FETCH3_SAME(table, i, texels, t) NATIVE3(vload3((i) * (texels) + (t), table))
+#if LANES == 1
+#define FETCH3_SAME(table, i, texels, t) vload3((i) * (texels) + (t), table)
+#else
+// Three broadcasts, which arithmetic takes straight from memory; a vload3 would be shuffled apart first.
+Vec3 same3(__global const float *table, int t) { return make3(table[3 * t], table[3 * t + 1], table[3 * t + 2]); }
+#define FETCH3_SAME(table, i, texels, t) same3(table, (i) * (texels) + (t))
+#endif
+#define FETCH3_SCALAR(table, i, texels, t) vload3((i) * (texels) + (t), table)
+#define FETCH1_SCALAR(table, i, texels, t, channel) table[((i) * (texels) + (t)) * 3 + (channel)]
 #define FETCH1_SAME(table, i, texels, t, channel) lanes(table[((i) * (texels) + (t)) * 3 + (channel)])
 #if LANES == 1
 #define FETCH3 FETCH3_SAME
@@ -134,8 +187,11 @@ Uint fetch_u(__global const uint *table, Uint i) { return GATHER(Uint, table, i)
 #define FETCH1(table, i, texels, t, channel) fetch1(table, ((i) * (texels) + (t)) * 3 + (channel))
 #endif
 #define TABLE(name)
+#define LIST(name)
+#define ENTRY(list, i) list[i]
 #define PARAMS(name, texels)
 #define PARAM3(table, t) NATIVE3(vload3(t, table))
+#define PARAM3_SCALAR(table, t) vload3(t, table)
 #define PARAM1(table, t, channel) table[(t) * 3 + (channel)]
 
 // Writes a block's pixels, those that lie in the image, as packed triples.
@@ -157,5 +213,17 @@ void store_block(__global float *film, int column, int row, int width, int heigh
 }
 
 // What GLSL holds as globals is passed along.
-#define SCENE_PARAMS __global const float *frame, __global const float *objects, __global const float *lights,
-#define SCENE frame, objects, lights,
+#ifdef HAS_PHOTONS
+#define PHOTON_PARAMS __global const float *gather, __global const float *faces, \
+    __global const float *cell_starts, __global const float *photon_cells, \
+    __global const float *photon_positions, __global const float *photon_powers, \
+    __global const float *photon_surfaces, __global const float *photon_directions,
+#define PHOTONS gather, faces, cell_starts, photon_cells, \
+    photon_positions, photon_powers, photon_surfaces, photon_directions,
+#else
+#define PHOTON_PARAMS
+#define PHOTONS
+#endif
+#define SCENE_PARAMS __global const float *frame, __global const float *objects, __global const float *lights, \
+    PHOTON_PARAMS
+#define SCENE frame, objects, lights, PHOTONS

@@ -152,6 +152,109 @@ record! {
     }
 }
 
+record! {
+    /// A light as the photon paths leave it.
+    Emitter, "emitter" in "emitters" {
+        /// Scene space, metres.
+        position: [f32; 3],
+        /// Throughput that a path begins with: the light's colour, its largest channel 1. Walks depend on this alone,
+        /// so that the same path is walked however many others there are.
+        color: [f32; 3],
+        /// Power of one path in its largest channel, watts.
+        power: f32,
+        /// Zero.
+        reserved: f32,
+        /// Zero.
+        unused: f32,
+    }
+}
+
+record! {
+    /// Where a photon landed. Photon tables are separate, one texel a property: a rejected candidate costs one fetch.
+    PhotonPosition, "photon" in "photon_positions" {
+        /// Scene space, metres.
+        position: [f32; 3],
+    }
+}
+
+record! {
+    /// What a photon brought.
+    PhotonPower, "photon" in "photon_powers" {
+        /// Flux ΔΦ, watts per channel.
+        power: [f32; 3],
+    }
+}
+
+record! {
+    /// On what a photon landed.
+    PhotonSurface, "photon" in "photon_surfaces" {
+        /// Index into the object table.
+        object: f32,
+        /// +1: it came from the side that the object's normal points to; −1: from the other.
+        side: f32,
+        /// Scattering events before it landed: 0 straight from the light.
+        bounce: f32,
+    }
+}
+
+record! {
+    /// How a photon came; only where a glossy surface needs it.
+    PhotonDirection, "photon" in "photon_directions" {
+        /// Unit, along the photon's way, towards the surface.
+        direction: [f32; 3],
+    }
+}
+
+record! {
+    /// The row of cells that a sorted photon belongs to; only in the hashed form of the grid, whose rows share buckets.
+    PhotonCell, "photon" in "photon_cells" {
+        /// Face, v, w.
+        cell: [f32; 3],
+    }
+}
+
+record! {
+    /// One side of one object (2·object + 0 | 1) as the photon grid sees it. See `cell.glsl` for u, v, w.
+    Face, "face" in "faces" {
+        /// Lowest corner of the face's cells along u, v, w; scene space, metres. Zero in the hashed form.
+        origin: [f32; 3],
+        /// Cells along u, v, w; zero where the face has no photons, and in the hashed form.
+        counts: [f32; 3],
+        /// The face's first cell in the table.
+        base: f32,
+        /// 1: u is y and v is x; 0: u, v, w are x, y, z.
+        flipped: f32,
+        /// Zero.
+        reserved: f32,
+    }
+}
+
+record! {
+    /// What gathering needs besides the tables.
+    Gather, "gather" in "gather" {
+        /// R, metres.
+        radius: f32,
+        /// 1/R.
+        inverse_radius: f32,
+        /// Photons in the map.
+        photon_count: f32,
+        /// A cell's size along x, y, z; metres.
+        cell: [f32; 3],
+        /// 1 / `cell`, rounded once, here: build and query must divide alike.
+        inverse_cell: [f32; 3],
+        /// Length of the hashed table − 1.
+        bucket_mask: f32,
+        /// k of the k nearest.
+        nearest: f32,
+        /// Zero.
+        reserved: f32,
+    }
+}
+
+/// Lists of plain numbers, three to a texel: the table's name and its accessor. `cell_starts[c]` is the first sorted
+/// photon of cell c; a cell ends where the next one begins.
+pub const LISTS: &[(&str, &str)] = &[("cell_starts", "cell_start")];
+
 /// A record's declaration without its type, for lists of all records.
 #[derive(Clone, Copy, Debug)]
 pub struct Declaration {
@@ -173,10 +276,24 @@ const fn declare<R: Record>(single: bool) -> Declaration {
 
 /// All records, in the order of the prelude.
 pub const RECORDS: &[Declaration] =
-    &[declare::<Frame>(true), declare::<Object>(false), declare::<Light>(false), declare::<Glass>(false)];
+    &[
+        declare::<Frame>(true),
+        declare::<Object>(false),
+        declare::<Light>(false),
+        declare::<Glass>(false),
+        declare::<Gather>(true),
+        declare::<Face>(false),
+        declare::<Emitter>(false),
+        declare::<PhotonPosition>(false),
+        declare::<PhotonPower>(false),
+        declare::<PhotonSurface>(false),
+        declare::<PhotonDirection>(false),
+        declare::<PhotonCell>(false),
+    ];
 
 /// The accessors as `#define`s: `object_color(i)` where lanes may ask for different records, and
-/// `object_color_same(i)` where all ask for the same; `frame_width()` for single records.
+/// `object_color_same(i)` where all ask for the same; `object_color_scalar(i)` is that one value, not yet spread over
+/// the lanes; `frame_width()` for single records, whose triples have a `_scalar` form too.
 ///
 /// `inject` shifts that field (`object.color`) by one channel or texel, so that a test can see the checks fail.
 pub fn prelude(inject: Option<&str>) -> String {
@@ -192,29 +309,37 @@ pub fn prelude(inject: Option<&str>) -> String {
             let field_name = field.name;
             let line = match (record.single, field.floats) {
                 (true, 1) => format!("#define {name}_{field_name}() PARAM1({table}, {texel}, {channel})"),
-                (true, _) => format!("#define {name}_{field_name}() PARAM3({table}, {texel})"),
+                (true, _) => format!(
+                    "#define {name}_{field_name}() PARAM3({table}, {texel})\n\
+                     #define {name}_{field_name}_scalar() PARAM3_SCALAR({table}, {texel})"
+                ),
                 (false, 1) => format!(
                     "#define {name}_{field_name}(i) FETCH1({table}, i, {texels}, {texel}, {channel})\n\
-                     #define {name}_{field_name}_same(i) FETCH1_SAME({table}, i, {texels}, {texel}, {channel})"
+                     #define {name}_{field_name}_same(i) FETCH1_SAME({table}, i, {texels}, {texel}, {channel})\n\
+                     #define {name}_{field_name}_scalar(i) FETCH1_SCALAR({table}, i, {texels}, {texel}, {channel})"
                 ),
                 (false, _) => format!(
                     "#define {name}_{field_name}(i) FETCH3({table}, i, {texels}, {texel})\n\
-                     #define {name}_{field_name}_same(i) FETCH3_SAME({table}, i, {texels}, {texel})"
+                     #define {name}_{field_name}_same(i) FETCH3_SAME({table}, i, {texels}, {texel})\n\
+                     #define {name}_{field_name}_scalar(i) FETCH3_SCALAR({table}, i, {texels}, {texel})"
                 ),
             };
             writeln!(text, "{line}").expect("writing to a string");
         }
     }
+    for (list, accessor) in LISTS {
+        writeln!(text, "LIST({list})\n#define {accessor}(i) ENTRY({list}, i)").expect("writing to a string");
+    }
     text
 }
 
-/// Reads of every field of a record by its accessor, `FIELD3(0, object_anchor(i))`, for `validate`'s programs, which
+/// Reads of every field of a table's records by its accessor, `FIELD3(0, object_anchor(i))`, for `validate`'s programs, which
 /// define `FIELD1` and `FIELD3`. `same` takes the accessors that load one record for all lanes.
 ///
 /// # Panics
-/// When no record has this name.
-pub fn field_reads(record: &str, same: bool) -> String {
-    let record = RECORDS.iter().find(|r| r.name == record).unwrap_or_else(|| panic!("no record named {record}"));
+/// When no table has this name.
+pub fn field_reads(table: &str, same: bool) -> String {
+    let record = RECORDS.iter().find(|r| r.table == table).unwrap_or_else(|| panic!("no table named {table}"));
     let argument = if record.single { "()" } else { "(i)" };
     let suffix = if same && !record.single { "_same" } else { "" };
     let mut text = String::new();
@@ -281,7 +406,7 @@ mod tests {
     fn an_injected_fault_moves_one_accessor_only() {
         let (sound, broken) = (prelude(None), prelude(Some("object.kind")));
         let changed: Vec<_> = sound.lines().zip(broken.lines()).filter(|(a, b)| a != b).collect();
-        assert_eq!(changed.len(), 2);
+        assert_eq!(changed.len(), 3);
         assert!(changed.iter().all(|(a, _)| a.contains("object_kind")));
         assert!(is_field("object.kind") && !is_field("object.colour"));
     }

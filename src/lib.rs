@@ -25,6 +25,7 @@ pub mod cpu;
 pub mod gl;
 
 pub mod change;
+pub mod emission;
 pub mod features;
 pub mod film;
 pub mod metrics;

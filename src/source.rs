@@ -19,11 +19,20 @@ const FILES: &[(&str, &str)] = &[
     ("shared/scene.glsl", include_str!("../glsl/shared/scene.glsl")),
     ("shared/bsdf.glsl", include_str!("../glsl/shared/bsdf.glsl")),
     ("shared/direct.glsl", include_str!("../glsl/shared/direct.glsl")),
+    ("shared/kernel.glsl", include_str!("../glsl/shared/kernel.glsl")),
+    ("shared/cell.glsl", include_str!("../glsl/shared/cell.glsl")),
+    ("shared/gather.glsl", include_str!("../glsl/shared/gather.glsl")),
     ("shared/pixel.glsl", include_str!("../glsl/shared/pixel.glsl")),
+    ("shared/sampling.glsl", include_str!("../glsl/shared/sampling.glsl")),
+    ("shared/walk.glsl", include_str!("../glsl/shared/walk.glsl")),
     ("probe.frag", include_str!("../glsl/probe.frag")),
     ("shim.cl", include_str!("../kernels/shim.cl")),
     ("trace.cl", include_str!("../kernels/trace.cl")),
     ("probe.cl", include_str!("../kernels/probe.cl")),
+    ("scan.cl", include_str!("../kernels/scan.cl")),
+    ("photons.cl", include_str!("../kernels/photons.cl")),
+    ("sort.cl", include_str!("../kernels/sort.cl")),
+    ("grid.cl", include_str!("../kernels/grid.cl")),
     ("validate.cl", include_str!("../kernels/validate.cl")),
 ];
 
@@ -44,13 +53,13 @@ pub struct Options {
     pub defines: Vec<String>,
     /// See [`layout::prelude`].
     pub inject: Option<String>,
-    /// The record whose fields `validate` reads.
-    pub record: &'static str,
+    /// The table whose fields `validate` reads.
+    pub table: &'static str,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Options { lanes: 1, texture_width_log2: layout::TEXTURE_WIDTH_LOG2, defines: Vec::new(), inject: None, record: "object" }
+        Options { lanes: 1, texture_width_log2: layout::TEXTURE_WIDTH_LOG2, defines: Vec::new(), inject: None, table: "objects" }
     }
 }
 
@@ -104,8 +113,8 @@ impl Source {
         for (index, line) in text.lines().enumerate() {
             match line.strip_prefix("#include \"").and_then(|rest| rest.strip_suffix('"')) {
                 Some("layout") => self.append("(layout)", &layout::prelude(options.inject.as_deref()), options),
-                Some("fields") => self.append("(fields)", &layout::field_reads(options.record, false), options),
-                Some("fields same") => self.append("(fields)", &layout::field_reads(options.record, true), options),
+                Some("fields") => self.append("(fields)", &layout::field_reads(options.table, false), options),
+                Some("fields same") => self.append("(fields)", &layout::field_reads(options.table, true), options),
                 Some(included) => self.include(included, options),
                 None => {
                     self.text.push_str(line);

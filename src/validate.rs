@@ -1,12 +1,10 @@
 //! Does every field arrive? Packs records, uploads them through the real path, reads each field back through the very
 //! accessors that the tracer uses, and demands the same bits.
 
-use bytemuck::Zeroable;
-
 use crate::cl::{self, Buffer};
 use crate::error::{Error, Result};
 use crate::gl::{Headless, Program, TableTexture, Target};
-use crate::layout::{Declaration, Field, Frame, Glass, MAX_EXACT_INDEX, RECORDS, Record, TEXEL};
+use crate::layout::{Declaration, Field, Glass, MAX_EXACT_INDEX, RECORDS, Record, TEXEL};
 use crate::source::{Options, Source, assemble};
 
 /// How a field was read.
@@ -93,7 +91,7 @@ fn check_one(
 ) -> Result<()> {
     let stride = record.texels * TEXEL;
     let count = floats.len() / stride;
-    let options = Options { inject: inject.map(String::from), record: record.name, ..Options::default() };
+    let options = Options { inject: inject.map(String::from), table: record.table, ..Options::default() };
     if let Some(headless) = &readers.gl {
         // Narrow rows for small tables, wide ones for all: a texture's height is limited too.
         let widths: &[u32] = if record.single {
@@ -149,9 +147,7 @@ fn read_gl(
     let program = Program::new(&headless.gl, source)?;
     program.activate(&[record.table]);
     if record.single {
-        let mut frame = Frame::zeroed();
-        bytemuck::bytes_of_mut(&mut frame).copy_from_slice(bytemuck::cast_slice(floats));
-        program.set_frame(&frame);
+        program.set_single(record.table, bytemuck::cast_slice(floats));
     } else {
         table.fill_texels(floats)?;
         table.bind(0);

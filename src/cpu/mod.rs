@@ -4,6 +4,9 @@
 pub mod bsdf;
 pub mod camera;
 pub mod intersect;
+pub mod photons;
 pub mod random;
+pub mod scan;
 pub mod scene;
 pub mod trace;
+pub mod walk;

@@ -39,6 +39,8 @@ pub struct Surface {
     pub normal: Vec3,
     /// Index into the object table.
     pub object: usize,
+    /// The ray came from the side that the object's own normal points away from.
+    pub inside: bool,
 }
 
 impl<'a> SceneTables<'a> {
@@ -89,7 +91,8 @@ impl<'a> SceneTables<'a> {
         } else {
             (p + anchor * (object.extent - anchor.dot(p)), anchor)
         };
-        let normal = if normal.dot(direction) > 0.0 { -normal } else { normal };
-        Surface { position, normal, object: hit.object }
+        let inside = normal.dot(direction) > 0.0;
+        let normal = if inside { -normal } else { normal };
+        Surface { position, normal, object: hit.object, inside }
     }
 }

@@ -66,10 +66,15 @@ impl Program {
 
     /// Sets the frame's record. The program must be active.
     pub fn set_frame(&self, frame: &Frame) {
-        // SAFETY: the context is current; a program that reads no frame has no such uniform, and nothing happens.
+        self.set_single(Frame::TABLE, bytemuck::cast_slice(std::slice::from_ref(frame)));
+    }
+
+    /// Sets a single record by its table's name and floats. The program must be active.
+    pub fn set_single(&self, table: &str, floats: &[f32]) {
+        // SAFETY: the context is current; a program that reads no such record has no such uniform: nothing happens.
         unsafe {
-            let location = self.gl.get_uniform_location(self.handle, Frame::TABLE);
-            self.gl.uniform_3_f32_slice(location.as_ref(), bytemuck::cast_slice(std::slice::from_ref(frame)));
+            let location = self.gl.get_uniform_location(self.handle, table);
+            self.gl.uniform_3_f32_slice(location.as_ref(), floats);
         }
     }
 

@@ -1,20 +1,12 @@
 // A photon's walk: emission by a light, scattering by a surface. Counters in, so that any path can be walked again
 // alone: numbers depend on (seed, pass, path, bounce, dimension) only.
 
-// emitters: position and power of a path, a record a light; emitter_counts: three uints a light: its slots of a round,
-// its first cell, its cells; slots: light << SLOTS_LOG2 | rank of the slot among the light's own.
-#define EMISSION_PARAMS __global const float *emitters, __global const uint *emitter_counts, \
-    __global const uint *slots, __global const uint *emission_cells,
-#define EMISSION emitters, emitter_counts, slots, emission_cells,
-#define SLOTS (1u << SLOTS_LOG2)
-#define EMISSION_ROWS (1u << EMISSION_ROWS_LOG2)
-#define EMISSION_COLUMNS (1u << EMISSION_COLUMNS_LOG2)
-
 STRUCT(Photon)
 struct Photon {
     Vec3 position;  // scene space, where it comes from
     Vec3 direction; // unit
-    Vec3 power;     // W per channel
+    Vec3 throughput; // relative to `power`
+    Real power;     // W
     Int object;     // that it comes from, NO_OBJECT for a light
     Int bounce;     // 0 until the first hit
     Uint key;       // of this bounce's numbers
@@ -35,6 +27,7 @@ INLINE Photon emit_photon(EMISSION_PARAMS Uint path, Uint stream) {
     Uint index = path;
     Uint shift = stream;
     photon.position = emitter_position_same(0);
+    photon.throughput = emitter_color_same(0);
     photon.power = emitter_power_same(0);
 #else
     // A round of SLOTS paths serves each light in proportion to its flux; each light counts its own paths from 0.
@@ -43,6 +36,7 @@ INLINE Photon emit_photon(EMISSION_PARAMS Uint path, Uint stream) {
     Uint index = (path >> SLOTS_LOG2) * FETCH_U(emitter_counts, (slot >> SLOTS_LOG2) * 3u) + (slot & (SLOTS - 1u));
     Uint shift = hash_u(stream ^ to_uint(light));
     photon.position = emitter_position(light);
+    photon.throughput = emitter_color(light);
     photon.power = emitter_power(light);
 #endif
 #ifdef SAMPLER_RANDOM
@@ -87,7 +81,7 @@ struct Material {
 };
 
 // What happens at a surface: absorbed, or a new direction. `photon` arrives; its key moves on to the next bounce.
-// Russian roulette keeps the largest channel of the power where it is: survivors of a grey wall all carry the same.
+// Russian roulette keeps the largest channel of the throughput where it is: survivors of a grey wall all carry the same.
 STRUCT(Scattered)
 struct Scattered {
     Photon photon;
@@ -96,9 +90,9 @@ struct Scattered {
 
 INLINE Scattered scatter(Photon photon, Surface surface, Material material) {
     Scattered scattered;
-    Real before = largest(photon.power);
-    Vec3 diffuse_power = mul3(photon.power, material.diffuse);
-    Real after = largest(diffuse_power);
+    Real before = largest(photon.throughput);
+    Vec3 diffuse = mul3(photon.throughput, material.diffuse);
+    Real after = largest(diffuse);
     // Shares of `before`, so that nothing is divided: [0, after) goes on diffusely, [after, after + mirrored) by the
     // lobe, the rest is absorbed.
     Real chance = unit_real(number_u(photon.key, 0u)) * before;
@@ -116,7 +110,7 @@ INLINE Scattered scatter(Photon photon, Surface surface, Material material) {
     Uint height = pick_u(first, photon.height, number_u(photon.key, 1u));
     Uint turn = pick_u(first, photon.turn, number_u(photon.key, 2u));
     scattered.photon.direction = sample_cosine(surface.normal, height, turn);
-    scattered.photon.power = scale3(diffuse_power, before / (after * limit));
+    scattered.photon.throughput = scale3(diffuse, before / (after * limit));
 #ifdef HAS_GLOSSY
     Bool reflected = chance >= after * limit;
     if (any_lane(reflected && scattered.survives)) {
@@ -124,13 +118,14 @@ INLINE Scattered scatter(Photon photon, Surface surface, Material material) {
         Vec3 half_way = sample_ggx(surface.normal, to_viewer, material.alpha, height, turn);
         Vec3 mirrored = sub3(scale3(half_way, 2.0f * dot3(half_way, to_viewer)), to_viewer);
         Real cosine = dot3(mirrored, surface.normal);
-        Vec3 power = scale3(photon.power, smith_g1(cosine, material.alpha) / limit);
+        Vec3 specular = scale3(photon.throughput, smith_g1(cosine, material.alpha) / limit);
         scattered.photon.direction = pick3(reflected, normalize3(mirrored), scattered.photon.direction);
-        scattered.photon.power = pick3(reflected, power, scattered.photon.power);
+        scattered.photon.throughput = pick3(reflected, specular, scattered.photon.throughput);
         // Facets send some light into the surface: lost, as in the BSDF.
         scattered.survives = scattered.survives && (!reflected || cosine > 0.0f);
     }
 #endif
+    scattered.photon.power = photon.power;
     scattered.photon.position = surface.position;
     scattered.photon.object = surface.object;
     scattered.photon.bounce = photon.bounce + 1;
@@ -144,7 +139,8 @@ INLINE Photon no_photon() {
     Photon p;
     p.position = make3(lanes(0.0f), lanes(0.0f), lanes(0.0f));
     p.direction = p.position;
-    p.power = p.position;
+    p.throughput = p.position;
+    p.power = lanes(0.0f);
     p.object = lanes_i(NO_OBJECT);
     p.bounce = lanes_i(0);
     p.key = lanes_u(0u);
@@ -157,7 +153,8 @@ INLINE Photon pick_photon(Bool c, Photon a, Photon b) {
     Photon p;
     p.position = pick3(c, a.position, b.position);
     p.direction = pick3(c, a.direction, b.direction);
-    p.power = pick3(c, a.power, b.power);
+    p.throughput = pick3(c, a.throughput, b.throughput);
+    p.power = pick(c, a.power, b.power);
     p.object = pick_i(c, a.object, b.object);
     p.bounce = pick_i(c, a.bounce, b.bounce);
     p.key = pick_u(c, a.key, b.key);

@@ -1,0 +1,34 @@
+// The photon grid's cells: from a point to a cell, from a row of cells to its place in the table.
+//
+// A face is one side of one object: 2·object + (0 the side its normal points to | 1 the other). Every face has cells
+// of its own, so that a query meets photons of its own surface and side only and tests neither. Cells along u are
+// neighbours in memory: a query reads one run of sorted photons per row of cells.
+//
+// Dense: each face's cells fill the box of its own photons. Hashed (GRID_HASHED): a row begins at a hashed bucket of
+// one table that all faces share (Teschner et al., "Optimized Spatial Hashing", VMV 2003), and every photon keeps
+// the row it belongs to, so that rows which share a bucket are told apart.
+
+// u, v, w are x, y, z, except on planes across x: those have only one or two cells along x, so y takes its place.
+Float3 grid_axes(Float3 p, float flipped) { return flipped != 0.0f ? triple(p.y, p.x, p.z) : p; }
+
+// Floats count to 2²⁴ exactly; the stage makes cells so large that no photon comes near this.
+#define MAX_CELL 8000000.0f
+
+// A point's distance from the face's first cell, in cells along one axis, rounded down.
+int cell_along(float distance, float inverse_cell) {
+    return count_of(clamp(floor(distance * inverse_cell), -MAX_CELL, MAX_CELL));
+}
+
+#ifdef GRID_HASHED
+// Where in the table (of a power-of-two length) the row (v, w) of a face has its cell u = 0, before wrapping.
+int row_start(int face, int v, int w) {
+    uint h = (uint_of(v) * 73856093u) ^ (uint_of(w) * 19349663u) ^ (uint_of(face) * 83492791u);
+    // Wellons' lowbias32: rows that are neighbours must not overlap in the table as well.
+    h = (h ^ (h >> 16u)) * 0x7feb352du;
+    h = (h ^ (h >> 15u)) * 0x846ca68bu;
+    return count_of((h ^ (h >> 16u)) >> 8u);
+}
+#else
+// The same where cells fill a box: counts are cells along u, v, w.
+int row_start(int base, int v, int w, Float3 counts) { return base + (w * count_of(counts.y) + v) * count_of(counts.x); }
+#endif

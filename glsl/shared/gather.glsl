@@ -1,0 +1,227 @@
+// Radiance from the photon map: Σ f·ΔΦ·K(d/R) / R², divided by the part of ∫K that planes leave of the disc.
+// Jensen, "Realistic Image Synthesis Using Photon Mapping", 2001, ch. 7.
+//
+// Lanes of one work-item are neighbouring pixels. They walk together over the photons near all of them, and each
+// photon is loaded once and weighed by every lane: no lane waits for another's loop, no sum goes across lanes.
+
+STRUCT(Gathered)
+struct Gathered {
+    Vec3 flux;  // Σ ΔΦ·K/K(0), watts
+#ifdef HAS_GLOSSY
+    Vec3 glint; // Σ ΔΦ·K/K(0)·(GGX lobe), W/sr
+#endif
+};
+
+// What a photon is weighed against: the point and, for glossy lobes, the viewer.
+STRUCT(Query)
+struct Query {
+    Surface surface;
+    Vec3 to_viewer;
+    Real alpha; // GGX α
+};
+
+Gathered nothing_gathered() {
+    Gathered none;
+    none.flux = make3(lanes(0.0f), lanes(0.0f), lanes(0.0f));
+#ifdef HAS_GLOSSY
+    none.glint = none.flux;
+#endif
+    return none;
+}
+
+#ifdef HAS_BOTH_SIDES
+// Whether a plane lies between the point and a photon: that photon lights another room's part of the surface.
+Bool walled_off(SCENE_PARAMS Vec3 point, Vec3 photon) {
+    Bool off = NO_LANE;
+    int first = SPHERE_COUNT;
+    int end = first + PLANE_COUNT;
+    for (int i = first; i < end; i++) {
+        Vec3 normal = object_anchor_same(i);
+        Real extent = object_extent_same(i);
+        // Photons of the very edge count for both sides.
+        off = off || (extent - dot3(normal, point)) * (extent - dot3(normal, photon)) < 0.0f;
+    }
+    return off;
+}
+#endif
+
+// Adds photon i with a weight of K/K(0).
+Gathered add_photon(SCENE_PARAMS Gathered sum, int i, Real weight, Vec3 position, Query query) {
+#ifdef HAS_BOTH_SIDES
+    weight = pick(walled_off(SCENE query.surface.position, position), 0.0f, weight);
+#endif
+    Vec3 power = photon_power_same(i);
+    sum.flux = scale_add3(power, weight, sum.flux);
+#ifdef HAS_GLOSSY
+    Vec3 to_light = negate3(photon_direction_same(i));
+    // At the rim of a curved surface a photon may come from below the query point's horizon.
+    Real cos_i = dot3(query.surface.normal, to_light);
+    Real cos_o = max(dot3(query.surface.normal, query.to_viewer), lanes(0.0f));
+    Real lobe = ggx(query.surface.normal, query.to_viewer, to_light, cos_o, max(cos_i, lanes(0.0f)), query.alpha);
+    sum.glint = scale_add3(power, pick(cos_i > 0.0f, weight * lobe, 0.0f), sum.glint);
+#endif
+    return sum;
+}
+
+// Most candidates weigh something: a test that spares the others costs more than they do, unless photons are dear.
+#if defined(HAS_GLOSSY) || defined(HAS_BOTH_SIDES)
+#define DEAR_PHOTONS
+#endif
+
+#ifndef GATHER_BRUTE
+// Photons of one face around the lanes' points, which lie in the box from low to high.
+Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high) {
+    Gathered sum = nothing_gathered();
+    float flipped = face_flipped_scalar(face);
+    Float3 origin = face_origin_scalar(face);
+    Float3 cell = grid_axes(gather_cell_scalar(), flipped);
+    Float3 inverse = grid_axes(gather_inverse_cell_scalar(), flipped);
+    // Wider than the radius by more than coordinates round, so that the distance alone decides.
+    float size = fabs(low.x) + fabs(low.y) + fabs(low.z) + fabs(high.x) + fabs(high.y) + fabs(high.z);
+    float reach = gather_radius() * 1.0005f + 5e-7f * (size + fabs(origin.x) + fabs(origin.y) + fabs(origin.z));
+    low = grid_axes(low, flipped) - origin;
+    high = grid_axes(high, flipped) - origin;
+    int v_first = cell_along(low.y - reach, inverse.y);
+    int v_last = cell_along(high.y + reach, inverse.y);
+    int w_first = cell_along(low.z - reach, inverse.z);
+    int w_last = cell_along(high.z + reach, inverse.z);
+#ifdef GRID_HASHED
+    int mask = count_of(gather_bucket_mask());
+#else
+    Float3 counts = face_counts_scalar(face);
+    v_first = max(v_first, 0);
+    v_last = min(v_last, count_of(counts.y) - 1);
+    w_first = max(w_first, 0);
+    w_last = min(w_last, count_of(counts.z) - 1);
+#endif
+    Real inverse_radius2 = lanes(gather_inverse_radius() * gather_inverse_radius());
+    for (int w = w_first; w <= w_last; w++) {
+        float w_low = float_of(w) * cell.z;
+        float w_gap = max(max(w_low - high.z, low.z - (w_low + cell.z)), 0.0f);
+        float w_left = reach * reach - w_gap * w_gap;
+        for (int v = v_first; v <= v_last; v++) {
+            // Along the row only what the ball's chord reaches.
+            float v_low = float_of(v) * cell.y;
+            float v_gap = max(max(v_low - high.y, low.y - (v_low + cell.y)), 0.0f);
+            float chord = sqrt(max(w_left - v_gap * v_gap, 0.0f));
+            int u_first = cell_along(low.x - chord, inverse.x);
+            int u_last = cell_along(high.x + chord, inverse.x);
+#ifdef GRID_HASHED
+            // A row longer than the table would meet its photons twice.
+            u_last = min(u_last, u_first + mask);
+            int row = row_start(face, v, w);
+            // A row that runs over the table's end goes on at its start.
+            int u = u_first;
+            while (u <= u_last) {
+                int bucket = (row + u) & mask;
+                int length = min(u_last - u + 1, mask + 1 - bucket);
+                u += length;
+#else
+            u_first = max(u_first, 0);
+            u_last = min(u_last, count_of(counts.x) - 1);
+            int bucket = row_start(count_of(face_base_scalar(face)), v, w, counts) + u_first;
+            int length = u_last - u_first + 1;
+            if (length > 0) {
+#endif
+                int end = count_of(cell_start(bucket + length));
+                for (int i = count_of(cell_start(bucket)); i < end; i++) {
+                    Vec3 position = photon_position_same(i);
+                    Vec3 away = sub3(position, query.surface.position);
+                    Real weight = kernel_shape(square3(away), inverse_radius2);
+#ifdef DEAR_PHOTONS
+                    if (!any_lane(weight > 0.0f)) continue;
+#endif
+#ifdef GRID_HASHED
+                    Float3 own = photon_cell_scalar(i);
+                    if (own.x != float_of(face) || own.y != float_of(v) || own.z != float_of(w)) continue;
+#endif
+                    sum = add_photon(SCENE sum, i, weight, position, query);
+                }
+            }
+        }
+    }
+    return sum;
+}
+
+// Photons of the lanes' faces, face after face.
+Gathered gather_near(SCENE_PARAMS Query query, Int face, Bool wanted) {
+#if LANES == 1
+    Gathered sum = nothing_gathered();
+    if (wanted) sum = gather_face(SCENE face, query, query.surface.position, query.surface.position);
+    return sum;
+#else
+    Gathered sum = nothing_gathered();
+    Vec3 p = query.surface.position;
+    // Lanes farther apart than this have little in common: they walk on their own.
+    float spread = gather_radius() * GATHER_SPREAD;
+    Bool waiting = wanted;
+    while (any_lane(waiting)) {
+        int chosen = highest_i(waiting, face);
+        Bool together = waiting && face == chosen;
+        float low_x = lowest(together, p.x);
+        together = together && p.x <= low_x + spread;
+        float low_y = lowest(together, p.y);
+        together = together && p.y <= low_y + spread;
+        float low_z = lowest(together, p.z);
+        together = together && p.z <= low_z + spread;
+        Float3 low = triple(low_x, low_y, low_z);
+        Float3 high = triple(highest(together, p.x), highest(together, p.y), highest(together, p.z));
+        // Lanes that do not take part stand where no photon is.
+        query.surface.position = pick3(together, p, make3(lanes(1e18f), lanes(1e18f), lanes(1e18f)));
+        Gathered part = gather_face(SCENE chosen, query, low, high);
+        sum.flux = add3(sum.flux, part.flux);
+#ifdef HAS_GLOSSY
+        sum.glint = add3(sum.glint, part.glint);
+#endif
+        waiting = waiting && !together;
+    }
+    return sum;
+#endif
+}
+#else
+// Every photon of the map, as it was stored: the truth that grids and tiles are tested against.
+Gathered gather_near(SCENE_PARAMS Query query, Int face, Bool wanted) {
+    Gathered sum = nothing_gathered();
+    Real inverse_radius2 = lanes(gather_inverse_radius() * gather_inverse_radius());
+    int end = count_of(gather_photon_count());
+    for (int i = 0; i < end; i++) {
+        Vec3 position = photon_position_same(i);
+        Vec3 away = sub3(position, query.surface.position);
+        Real weight = kernel_shape(square3(away), inverse_radius2);
+        Bool near_by = wanted && weight > 0.0f;
+        if (!any_lane(near_by)) continue;
+        int own = 2 * count_of(photon_object_scalar(i)) + (photon_side_scalar(i) < 0.0f ? 1 : 0);
+        near_by = near_by && face == own;
+        if (any_lane(near_by)) sum = add_photon(SCENE sum, i, pick(near_by, weight, 0.0f), position, query);
+    }
+    return sum;
+}
+#endif
+
+// Radiance that the photons around a visible point send towards the viewer, W·m⁻²·sr⁻¹.
+Vec3 photon_radiance(SCENE_PARAMS Surface surface, Vec3 to_viewer, Bool wanted) {
+    Query query;
+    query.surface = surface;
+    query.to_viewer = to_viewer;
+#ifdef HAS_GLOSSY
+    Real specular = object_specular(surface.object);
+    // Surfaces without a lobe have α = 0: any other value keeps the unused lobe finite.
+    query.alpha = pick(specular > 0.0f, object_roughness(surface.object), 1.0f);
+#else
+    query.alpha = lanes(1.0f);
+#endif
+    Int face = surface.object * 2 + pick_i(surface.inside, 1, 0);
+    Vec3 p = surface.position;
+    // Beyond any photon, where squares would overflow.
+    wanted = wanted && fabs(p.x) + fabs(p.y) + fabs(p.z) < 1e15f;
+    Gathered sum = gather_near(SCENE query, face, wanted);
+    Real scale = lanes(KERNEL_PEAK * gather_inverse_radius() * gather_inverse_radius());
+#ifdef HAS_CLIP
+    scale = scale / visible_part(SCENE surface, lanes(gather_inverse_radius()));
+#endif
+    Vec3 radiance = mul3(object_color(surface.object), scale3(sum.flux, object_diffuse(surface.object) * INV_PI));
+#ifdef HAS_GLOSSY
+    radiance = add3(radiance, scale3(sum.glint, specular));
+#endif
+    return scale3(radiance, scale);
+}

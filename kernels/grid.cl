@@ -1,0 +1,95 @@
+// Photons sorted into the grid's cells: bounds of each face → cell of each photon → stable radix sort → table of
+// where cells begin → photons in that order. Within a cell photons keep the order of their numbers, because the sort
+// is stable: the same photons give the same bytes on any device. Work-items own runs of neighbouring photons.
+#include "shim.cl"
+#include "layout"
+#include "shared/cell.glsl"
+
+// A photon's face, see cell.glsl.
+int face_of(int i, __global const float *photon_surfaces) {
+    return 2 * (int)photon_object_scalar(i) + (photon_side_scalar(i) < 0.0f ? 1 : 0);
+}
+
+// Floats as ints that compare alike, and back: OpenCL 1.2 has no atomics on floats.
+int ordered(float x) {
+    int i = as_int(x);
+    return i ^ ((i >> 31) & 0x7fffffff);
+}
+
+// Widens bounds[face], as lowest x, y, z and highest x, y, z of ordered ints.
+__kernel void grid_bounds(__global const float *photon_positions, __global const float *photon_surfaces,
+                          __global volatile int *bounds, int count, int per_item) {
+    int first = (int)get_global_id(0) * per_item;
+    int end = min(first + per_item, count);
+    for (int i = first; i < end; i++) {
+        __global volatile int *own = bounds + 6 * face_of(i, photon_surfaces);
+        float3 p = photon_position_scalar(i);
+        int x = ordered(p.x), y = ordered(p.y), z = ordered(p.z);
+        // Looking first spares nearly all atomics; a stale value costs one more of them, never a wrong bound.
+        if (x < own[0]) atomic_min(own + 0, x);
+        if (y < own[1]) atomic_min(own + 1, y);
+        if (z < own[2]) atomic_min(own + 2, z);
+        if (x > own[3]) atomic_max(own + 3, x);
+        if (y > own[4]) atomic_max(own + 4, y);
+        if (z > own[5]) atomic_max(own + 5, z);
+    }
+}
+
+// Number of each photon's cell.
+__kernel void grid_keys(__global const float *photon_positions, __global const float *photon_surfaces,
+                        __global const float *faces, __global const float *gather, __global uint *keys,
+                        int count, int per_item) {
+    int first = (int)get_global_id(0) * per_item;
+    int end = min(first + per_item, count);
+    for (int i = first; i < end; i++) {
+        int face = face_of(i, photon_surfaces);
+        float flipped = face_flipped_scalar(face);
+        float3 inverse = grid_axes(gather_inverse_cell_scalar(), flipped);
+        float3 p = grid_axes(photon_position_scalar(i), flipped) - face_origin_scalar(face);
+        int u = cell_along(p.x, inverse.x), v = cell_along(p.y, inverse.y), w = cell_along(p.z, inverse.z);
+#ifdef GRID_HASHED
+        keys[i] = (row_start(face, v, w) + u) & (int)gather_bucket_mask();
+#else
+        keys[i] = row_start((int)face_base_scalar(face), v, w, face_counts_scalar(face)) + u;
+#endif
+    }
+}
+
+// cell_starts[c] is the first photon of cell c, for c = 0 … cells: a cell ends where the next one begins. Each photon
+// fills the cells between its predecessor's and its own; the last entry belongs to item `count`.
+__kernel void grid_starts(__global const uint *sorted_keys, __global float *cell_starts, int count, int cells,
+                          int per_item) {
+    int first = (int)get_global_id(0) * per_item;
+    int end = min(first + per_item, count + 1);
+    for (int i = first; i < end; i++) {
+        int before = i == 0 ? -1 : (int)sorted_keys[i - 1];
+        int own = i == count ? cells : (int)sorted_keys[i];
+        for (int c = before + 1; c <= own; c++) cell_starts[c] = (float)i;
+    }
+}
+
+// to[i] = from[order[i]], for tables of one texel a photon.
+__kernel void grid_reorder(__global const uint *order, __global const float *from, __global float *to, int count,
+                           int per_item) {
+    int first = (int)get_global_id(0) * per_item;
+    int end = min(first + per_item, count);
+    for (int i = first; i < end; i++) vstore3(vload3(order[i], from), i, to);
+}
+
+#ifdef GRID_HASHED
+// The row of each sorted photon: face, v, w. Rows that share buckets are told apart by it.
+__kernel void grid_rows(__global const uint *order, __global const float *photon_positions,
+                        __global const float *photon_surfaces, __global const float *faces,
+                        __global const float *gather, __global float *photon_cells, int count, int per_item) {
+    int first = (int)get_global_id(0) * per_item;
+    int end = min(first + per_item, count);
+    for (int i = first; i < end; i++) {
+        int from = order[i];
+        int face = face_of(from, photon_surfaces);
+        float flipped = face_flipped_scalar(face);
+        float3 inverse = grid_axes(gather_inverse_cell_scalar(), flipped);
+        float3 p = grid_axes(photon_position_scalar(from), flipped) - face_origin_scalar(face);
+        vstore3((float3)(face, cell_along(p.y, inverse.y), cell_along(p.z, inverse.z)), i, photon_cells);
+    }
+}
+#endif
