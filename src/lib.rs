@@ -26,6 +26,7 @@ pub mod gl;
 
 pub mod cells;
 pub mod change;
+pub mod emission;
 pub mod features;
 pub mod film;
 pub mod gathering;

@@ -2,6 +2,7 @@
 
 pub mod grid;
 pub mod photon_textures;
+pub mod photons;
 pub mod scan;
 pub mod sort;
 pub mod trace;
