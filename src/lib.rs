@@ -16,6 +16,7 @@
 pub mod cli;
 
 pub mod pipeline;
+pub mod radius;
 pub mod validate;
 
 pub mod stage;

@@ -82,6 +82,16 @@ impl PhotonTables {
         self.emitted += other.emitted;
     }
 
+    /// The map as the grid and the gathering take it.
+    pub fn view(&self) -> super::grid::PhotonTables<'_> {
+        super::grid::PhotonTables {
+            positions: &self.positions,
+            powers: &self.powers,
+            surfaces: &self.surfaces,
+            directions: &self.directions,
+        }
+    }
+
     /// Photons stored.
     pub fn len(&self) -> usize {
         self.positions.len()
