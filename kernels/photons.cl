@@ -98,7 +98,7 @@ void store_photon(Bool stored, Uint slot, Photon photon, Surface surface, MAP_PA
     if (!stored) return;
     vstore3(surface.position, slot, positions);
     vstore3(photon.throughput * photon.power, slot, powers);
-    vstore3((float3)(to_real(surface.object), pick(surface.inside, -1.0f, 1.0f), to_real(photon.bounce)), slot, surfaces);
+    vstore3((float3)(to_real(surface.object), surface.side, to_real(photon.bounce)), slot, surfaces);
 #ifdef HAS_GLOSSY
     vstore3(-photon.direction, slot, directions);
 #endif
@@ -128,7 +128,7 @@ INLINE void store_photon(Bool stored, Uint slot, Photon photon, Surface surface,
     }
     store_lanes(count, lane_of, slots, surface.position, positions);
     store_lanes(count, lane_of, slots, scale3(photon.throughput, photon.power), powers);
-    store_lanes(count, lane_of, slots, make3(to_real(surface.object), pick(surface.inside, -1.0f, 1.0f), to_real(photon.bounce)), surfaces);
+    store_lanes(count, lane_of, slots, make3(to_real(surface.object), surface.side, to_real(photon.bounce)), surfaces);
 #ifdef HAS_GLOSSY
     store_lanes(count, lane_of, slots, negate3(photon.direction), directions);
 #endif
