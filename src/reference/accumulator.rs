@@ -116,8 +116,8 @@ impl Accumulator {
     /// # Errors
     /// [`Error::File`] if the file cannot be read; [`Error::Usage`] if it is not a whole file of this kind.
     pub fn load(path: &Path) -> Result<Self> {
-        let bytes = std::fs::read(path)
-            .map_err(|e| Error::File { path: path.into(), what: format!("cannot be read: {e}") })?;
+        let bytes =
+            std::fs::read(path).map_err(|e| Error::File { path: path.into(), what: format!("cannot be read: {e}") })?;
         let wrong = |what: &str| Error::Usage(format!("{}: {what}", path.display()));
         if !bytes.starts_with(MAGIC) || bytes.len() < 48 {
             return Err(wrong("not a checkpoint of a reference image"));

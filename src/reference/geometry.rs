@@ -165,9 +165,7 @@ impl Ball {
                     return a_inside != b_inside;
                 }
                 let along = -from_center.dot(segment);
-                along > 0.0
-                    && along < length2
-                    && (from_center + segment * (along / length2)).length_squared() < r2
+                along > 0.0 && along < length2 && (from_center + segment * (along / length2)).length_squared() < r2
             }
         }
     }

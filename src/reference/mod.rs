@@ -62,14 +62,7 @@ pub struct ReferenceSettings {
 impl Default for ReferenceSettings {
     /// 320×240, full light, 256 samples a pixel, seed 0, all cores.
     fn default() -> Self {
-        Self {
-            size: (320, 240),
-            light: ReferenceLight::Full,
-            spp: Some(256),
-            time: None,
-            seed: 0,
-            threads: None,
-        }
+        Self { size: (320, 240), light: ReferenceLight::Full, spp: Some(256), time: None, seed: 0, threads: None }
     }
 }
 
@@ -124,7 +117,7 @@ impl Reference {
 
 /// The estimator that did best in equal time on the report's scenes.
 const TECHNIQUE: Technique =
-    Technique { light_vertices: 2, heuristic: Heuristic::Power, roulette_from: 1, direct_only: false };
+    Technique { light_vertices: 2, light_paths: 2, heuristic: Heuristic::Power, roulette_from: 3, direct_only: false };
 
 /// Render `scene` until a limit of `settings` is reached or `progress` breaks off; the image so far is then returned.
 ///
@@ -188,14 +181,17 @@ fn accumulate(
     while target.is_none_or(|target| accumulator.passes() < target) {
         let (replicate, index) = (accumulator.passes() % replicates, accumulator.passes() / replicates);
         pool.install(|| {
-            pass.par_chunks_mut(width as usize * 3).enumerate().for_each_init(Scratch::default, |scratch, (row, out)| {
-                for (column, out) in out.chunks_exact_mut(3).enumerate() {
-                    let pixel = (row * width as usize + column) as u64;
-                    let sampler = Sampler::new(settings.seed, replicate, pixel, index);
-                    let radiance = estimator.pixel((column as u32, row as u32), settings.size, sampler, scratch);
-                    radiance.write_to_slice(out);
-                }
-            });
+            pass.par_chunks_mut(width as usize * 3).enumerate().for_each_init(
+                Scratch::default,
+                |scratch, (row, out)| {
+                    for (column, out) in out.chunks_exact_mut(3).enumerate() {
+                        let pixel = (row * width as usize + column) as u64;
+                        let sampler = Sampler::new(settings.seed, replicate, pixel, index);
+                        let radiance = estimator.pixel((column as u32, row as u32), settings.size, sampler, scratch);
+                        radiance.write_to_slice(out);
+                    }
+                },
+            );
         });
         accumulator.add(&pass);
         let elapsed = began.elapsed();

@@ -22,8 +22,16 @@ pub(super) struct Sampler {
 impl Sampler {
     /// The `index`-th point of a pixel in one replicate.
     pub fn new(seed: u64, replicate: u64, pixel: u64, index: u64) -> Self {
-        let stream = mix(mix(mix(seed) ^ replicate) ^ pixel) ^ (index / SEQUENCE_LENGTH);
-        Self { index: (index % SEQUENCE_LENGTH) as u32, seed: (mix(stream) >> 32) as u32 }
+        Self::of(index, mix(mix(mix(seed) ^ replicate) ^ pixel))
+    }
+
+    fn of(index: u64, stream: u64) -> Self {
+        Self { index: (index % SEQUENCE_LENGTH) as u32, seed: (mix(stream ^ (index / SEQUENCE_LENGTH)) >> 32) as u32 }
+    }
+
+    /// The `part`-th of `parts` points of another sequence that belong to this point.
+    pub fn split(&self, parts: u32, part: u32) -> Self {
+        Self::of(u64::from(self.index) * u64::from(parts) + u64::from(part), u64::from(!self.seed))
     }
 
     /// Four numbers in (0, 1).
@@ -33,7 +41,8 @@ impl Sampler {
     pub fn get(&self, Dimensions(set): Dimensions) -> [f64; 4] {
         // Beyond the generator's last dimension: the same ones again, scrambled and shuffled anew ("padding", Burley).
         let round = set / NUM_DIMENSION_SETS_4D;
-        let seed = if round == 0 { self.seed } else { (mix(u64::from(self.seed) << 32 | u64::from(round)) >> 32) as u32 };
+        let seed =
+            if round == 0 { self.seed } else { (mix(u64::from(self.seed) << 32 | u64::from(round)) >> 32) as u32 };
         sample_4d(self.index, set % NUM_DIMENSION_SETS_4D, seed).map(|u| f64::from(u) + 0.5 / 8_388_608.0)
     }
 }
