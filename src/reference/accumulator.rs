@@ -26,12 +26,14 @@ pub struct Accumulator {
     passes: u64,
     /// Replicate-major, then row, column, channel.
     sums: Vec<f64>,
+    /// Sums of the irradiance estimates at the anchors; replicate-major, then anchor, channel. Empty before any.
+    anchor_sums: Vec<f64>,
 }
 
 impl Accumulator {
     pub(super) fn new(size: (u32, u32), fingerprint: u64) -> Self {
         let values = size.0 as usize * size.1 as usize * 3;
-        Self { size, fingerprint, passes: 0, sums: vec![0.0; values * REPLICATES] }
+        Self { size, fingerprint, passes: 0, sums: vec![0.0; values * REPLICATES], anchor_sums: vec![] }
     }
 
     /// Pixels: width, height.
@@ -58,6 +60,16 @@ impl Accumulator {
         self.passes += 1;
     }
 
+    /// The anchors' sums of the replicate whose turn it is, three channels each; None if there are not `count` of them.
+    pub(super) fn anchor_sums(&mut self, count: usize) -> Option<&mut [f64]> {
+        if self.passes == 0 {
+            self.anchor_sums.resize(count * 3 * REPLICATES, 0.0);
+        }
+        let replicate = (self.passes % REPLICATES as u64) as usize;
+        let same = self.anchor_sums.len() == count * 3 * REPLICATES;
+        same.then(|| &mut self.anchor_sums[replicate * count * 3..][..count * 3])
+    }
+
     /// Mean radiance and its standard error per pixel, rows from the top; None before every replicate has a sample.
     ///
     /// The error is that of the mean of [`REPLICATES`] independent estimates, so it has 7 degrees of freedom: 90% of
@@ -67,10 +79,6 @@ impl Accumulator {
             return None;
         }
         let values = self.sums.len() / REPLICATES;
-        let counts: [f64; REPLICATES] = std::array::from_fn(|replicate| {
-            let r = REPLICATES as u64;
-            (self.passes / r + u64::from((replicate as u64) < self.passes % r)) as f64
-        });
         let mut mean = Vec::with_capacity(values / 3);
         let mut error = Vec::with_capacity(values / 3);
         for pixel in 0..values / 3 {
@@ -78,15 +86,38 @@ impl Accumulator {
             let m = (0..REPLICATES).map(sum).sum::<DVec3>() / self.passes as f64;
             let spread: DVec3 = (0..REPLICATES)
                 .map(|replicate| {
-                    let d = sum(replicate) / counts[replicate] - m;
+                    let d = sum(replicate) / self.count(replicate) - m;
                     d * d
                 })
                 .sum();
             let variance = spread / (REPLICATES * (REPLICATES - 1)) as f64;
             mean.push(m);
-            error.push(DVec3::new(variance.x.sqrt(), variance.y.sqrt(), variance.z.sqrt()));
+            error.push(variance.map(f64::sqrt));
         }
         Some((mean, error))
+    }
+
+    /// Standard error of the mean of all pixels, from the replicates' own means; zero before every replicate has a sample.
+    pub(super) fn overall_error(&self) -> DVec3 {
+        if self.passes < REPLICATES as u64 {
+            return DVec3::ZERO;
+        }
+        let values = self.sums.len() / REPLICATES;
+        let means: Vec<DVec3> = (self.sums.chunks_exact(values).enumerate())
+            .map(|(replicate, sums)| {
+                let sum: DVec3 = sums.chunks_exact(3).map(DVec3::from_slice).sum();
+                sum / ((values / 3) as f64 * self.count(replicate))
+            })
+            .collect();
+        let mean = means.iter().sum::<DVec3>() / REPLICATES as f64;
+        let spread: DVec3 = means.iter().map(|m| (m - mean) * (m - mean)).sum();
+        (spread / (REPLICATES * (REPLICATES - 1)) as f64).map(f64::sqrt)
+    }
+
+    /// Samples a pixel in one replicate.
+    fn count(&self, replicate: usize) -> f64 {
+        let r = REPLICATES as u64;
+        (self.passes / r + u64::from((replicate as u64) < self.passes % r)) as f64
     }
 
     /// Write the sums to `path`, beside it first and then renamed, so that a crash leaves the old file whole.
@@ -96,10 +127,11 @@ impl Accumulator {
     pub fn save(&self, path: &Path) -> Result<()> {
         let mut bytes = Vec::with_capacity(40 + self.sums.len() * 8);
         bytes.extend_from_slice(MAGIC);
-        for value in [self.fingerprint, u64::from(self.size.0), u64::from(self.size.1), self.passes] {
+        let anchors = self.anchor_sums.len() as u64;
+        for value in [self.fingerprint, u64::from(self.size.0), u64::from(self.size.1), self.passes, anchors] {
             bytes.extend_from_slice(&value.to_le_bytes());
         }
-        for sum in &self.sums {
+        for sum in self.sums.iter().chain(&self.anchor_sums) {
             bytes.extend_from_slice(&sum.to_le_bytes());
         }
         let check = fnv1a(&bytes);
@@ -119,7 +151,7 @@ impl Accumulator {
         let bytes =
             std::fs::read(path).map_err(|e| Error::File { path: path.into(), what: format!("cannot be read: {e}") })?;
         let wrong = |what: &str| Error::Usage(format!("{}: {what}", path.display()));
-        if !bytes.starts_with(MAGIC) || bytes.len() < 48 {
+        if !bytes.starts_with(MAGIC) || bytes.len() < 56 {
             return Err(wrong("not a checkpoint of a reference image"));
         }
         let (content, check) = bytes.split_at(bytes.len() - 8);
@@ -128,16 +160,20 @@ impl Accumulator {
         }
         let mut words = content[8..].chunks_exact(8).map(|w| u64::from_le_bytes(w.try_into().expect("8 bytes")));
         let mut word = || words.next().unwrap_or(0);
-        let (fingerprint, width, height, passes) = (word(), word(), word(), word());
-        let sums: Vec<f64> = words.map(f64::from_bits).collect();
-        let expected = width.checked_mul(height).and_then(|n| n.checked_mul(3 * REPLICATES as u64));
+        let (fingerprint, width, height, passes, anchors) = (word(), word(), word(), word(), word());
+        let mut sums: Vec<f64> = words.map(f64::from_bits).collect();
+        let expected = width
+            .checked_mul(height)
+            .and_then(|n| n.checked_mul(3 * REPLICATES as u64))
+            .and_then(|n| n.checked_add(anchors));
         let (Ok(width), Ok(height)) = (u32::try_from(width), u32::try_from(height)) else {
             return Err(wrong("checkpoint has an impossible size"));
         };
         if expected != Some(sums.len() as u64) {
             return Err(wrong(&format!("checkpoint of {width}x{height} pixels holds {} values", sums.len())));
         }
-        Ok(Self { size: (width, height), fingerprint, passes, sums })
+        let anchor_sums = sums.split_off(sums.len() - anchors as usize);
+        Ok(Self { size: (width, height), fingerprint, passes, sums, anchor_sums })
     }
 }
 

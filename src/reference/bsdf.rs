@@ -79,6 +79,17 @@ impl Bsdf {
         self.choice[0] + self.choice[1] > 0.0
     }
 
+    /// Whether there is no other lobe than the diffuse one.
+    pub fn only_diffuse(&self) -> bool {
+        self.choice[0] >= 1.0 || self.choice == [0.0; 4]
+    }
+
+    /// The diffuse lobe, kd·c/π.
+    #[inline]
+    pub fn diffuse(&self) -> DVec3 {
+        self.diffuse
+    }
+
     /// Whether some lobe is a delta function.
     pub fn has_delta(&self) -> bool {
         self.choice[2] + self.choice[3] > 0.0
@@ -207,7 +218,7 @@ pub(super) fn tangents(normal: DVec3) -> (DVec3, DVec3) {
 
 /// A direction about `normal` with density cos/π.
 #[inline]
-fn cosine_hemisphere(normal: DVec3, [u, v]: [f64; 2]) -> DVec3 {
+pub(super) fn cosine_hemisphere(normal: DVec3, [u, v]: [f64; 2]) -> DVec3 {
     let (sin_phi, cos_phi) = (TAU * u).sin_cos();
     let radius = v.sqrt();
     let (s, t) = tangents(normal);

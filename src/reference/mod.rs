@@ -1,7 +1,7 @@
 //! Reference images: what the photon-mapping renderers must converge to, made by an independent method.
 //!
-//! Double precision, bidirectional path tracing ([`estimator`]) with Owen-scrambled Sobol' points ([`sampler`]), exact
-//! intersections ([`geometry`]); nothing here is shared with the photon-mapping stages beyond the scene itself.
+//! Double precision, bidirectional path tracing (`estimator`) whose deep bounces are shared between pixels without bias
+//! (`anchors`), Owen-scrambled Sobol' points (`sampler`), exact intersections (`geometry`); nothing here is shared with the photon-mapping stages beyond the scene itself.
 //!
 //! ```text
 //!     Scene ─► Estimator ─ a sample of every pixel ─► Accumulator ─► Reference ─► EXR with standard errors
@@ -20,6 +20,7 @@ use crate::scene::Scene;
 
 mod accumulator;
 pub mod agreement;
+mod anchors;
 mod bsdf;
 mod estimator;
 mod geometry;
@@ -29,7 +30,7 @@ mod sampler;
 mod tests;
 
 pub use accumulator::{Accumulator, REPLICATES};
-use estimator::{Estimator, Heuristic, Scratch, Technique};
+use estimator::{Estimator, Far, Heuristic, Scratch, Technique};
 use sampler::Sampler;
 
 /// Which light the image holds.
@@ -85,6 +86,8 @@ pub struct Reference {
     pub mean: Vec<DVec3>,
     /// Standard error of `mean` per pixel and channel, with `REPLICATES - 1` degrees of freedom.
     pub standard_error: Vec<DVec3>,
+    /// Standard error of the whole image's mean; more than the pixels' own errors say, as they share anchors.
+    pub overall_error: DVec3,
     /// The sums behind both, to be saved or continued.
     pub accumulator: Accumulator,
 }
@@ -97,7 +100,8 @@ impl Reference {
                 accumulator.passes()
             ))
         })?;
-        Ok(Self { size: accumulator.size(), mean, standard_error, accumulator })
+        let overall_error = accumulator.overall_error();
+        Ok(Self { size: accumulator.size(), mean, standard_error, overall_error, accumulator })
     }
 
     /// Mean over pixels and channels of standard error over mean; black values are left out.
@@ -116,8 +120,15 @@ impl Reference {
 }
 
 /// The estimator that did best in equal time on the report's scenes.
-const TECHNIQUE: Technique =
-    Technique { light_vertices: 2, light_paths: 2, heuristic: Heuristic::Power, roulette_from: 3, direct_only: false };
+const TECHNIQUE: Technique = Technique {
+    light_vertices: 2,
+    light_paths: 2,
+    heuristic: Heuristic::Power,
+    roulette_from: 3,
+    direct_only: false,
+    anchors: 8192,
+    difference_rate: 0.5,
+};
 
 /// Render `scene` until a limit of `settings` is reached or `progress` breaks off; the image so far is then returned.
 ///
@@ -173,26 +184,51 @@ fn accumulate(
         .num_threads(settings.threads.map_or(0, NonZeroUsize::get))
         .build()
         .map_err(|e| Error::Failed(format!("threads cannot be started: {e}")))?;
+    // A small image is not worth many anchors; a large one affords several paths from each in every pass.
+    let pixels = settings.size.0 as usize * settings.size.1 as usize;
+    let anchors = pool.install(|| estimator.anchors(technique.anchors.min(pixels / 8)));
+    let paths = (pixels / 65_536).max(1) as u64;
     let target = settings.spp.map(|spp| spp.next_multiple_of(REPLICATES as u64));
     let replicates = REPLICATES as u64;
     let began = Instant::now();
     let (width, height) = settings.size;
     let mut pass = vec![0.0; width as usize * height as usize * 3];
     while target.is_none_or(|target| accumulator.passes() < target) {
-        let (replicate, index) = (accumulator.passes() % replicates, accumulator.passes() / replicates);
-        pool.install(|| {
+        let (replicate, cycle) = (accumulator.passes() % replicates, accumulator.passes() / replicates);
+        let anchor_sums = accumulator
+            .anchor_sums(anchors.points().len())
+            .ok_or_else(|| Error::Usage("the checkpoint was made by another version of the program".into()))?;
+        let render_pass = || {
+            // Improve what the anchors know, and use it at once: any state of it is unbiased.
+            let refine = |scratch: &mut Scratch, (index, sum): (usize, &mut [f64])| {
+                let mut total = DVec3::from_slice(sum);
+                for path in 0..paths {
+                    let sampler = Sampler::new(!settings.seed, replicate, index as u64, cycle * paths + path);
+                    total += estimator.anchor(&anchors.points()[index], sampler, scratch);
+                }
+                total.write_to_slice(sum);
+                total / ((cycle + 1) * paths) as f64
+            };
+            let irradiance: Vec<_> = anchor_sums
+                .par_chunks_mut(3)
+                .enumerate()
+                .map_init(Scratch::default, |scratch, anchor| refine(scratch, anchor))
+                .collect();
+            let far = (!irradiance.is_empty()).then_some(Far { anchors: &anchors, irradiance: &irradiance });
             pass.par_chunks_mut(width as usize * 3).enumerate().for_each_init(
                 Scratch::default,
                 |scratch, (row, out)| {
                     for (column, out) in out.chunks_exact_mut(3).enumerate() {
                         let pixel = (row * width as usize + column) as u64;
-                        let sampler = Sampler::new(settings.seed, replicate, pixel, index);
-                        let radiance = estimator.pixel((column as u32, row as u32), settings.size, sampler, scratch);
+                        let sampler = Sampler::new(settings.seed, replicate, pixel, cycle);
+                        let radiance =
+                            estimator.pixel((column as u32, row as u32), settings.size, sampler, far, scratch);
                         radiance.write_to_slice(out);
                     }
                 },
             );
-        });
+        };
+        pool.install(render_pass);
         accumulator.add(&pass);
         let elapsed = began.elapsed();
         if progress(&Progress { accumulator: &accumulator, elapsed, target }).is_break() {
