@@ -12,6 +12,9 @@ use crate::error::{Error, Result};
 /// More of them make the error better known and the image worse, as each then has fewer points to be even with.
 pub const REPLICATES: usize = 8;
 
+/// Relative luminance of linear Rec. 709 (ITU-R BT.709).
+const LUMINANCE: DVec3 = DVec3::new(0.2126, 0.7152, 0.0722);
+
 const MAGIC: &[u8; 8] = b"photref1";
 
 /// Sums over samples, per replicate and pixel, in double precision.
@@ -114,6 +117,26 @@ impl Accumulator {
         (spread / (REPLICATES * (REPLICATES - 1)) as f64).map(f64::sqrt)
     }
 
+    /// Mean over pixels of the luminance's standard error over the luminance; black pixels are left out.
+    pub(super) fn relative_noise(&self) -> f64 {
+        if self.passes < REPLICATES as u64 {
+            return 0.0;
+        }
+        let values = self.sums.len() / REPLICATES;
+        let (mut total, mut lit) = (0.0, 0u64);
+        for pixel in 0..values / 3 {
+            // Replicates' luminances are summed before their spread is taken: channels do not err independently.
+            let sum = |replicate: usize| LUMINANCE.dot(DVec3::from_slice(&self.sums[replicate * values + pixel * 3..]));
+            let mean = (0..REPLICATES).map(sum).sum::<f64>() / self.passes as f64;
+            let spread: f64 = (0..REPLICATES).map(|r| (sum(r) / self.count(r) - mean).powi(2)).sum();
+            if mean > 0.0 {
+                total += (spread / (REPLICATES * (REPLICATES - 1)) as f64).sqrt() / mean;
+                lit += 1;
+            }
+        }
+        if lit > 0 { total / lit as f64 } else { 0.0 }
+    }
+
     /// Samples a pixel in one replicate.
     fn count(&self, replicate: usize) -> f64 {
         let r = REPLICATES as u64;
@@ -214,6 +237,9 @@ mod tests {
         let (mean, error) = filled(16).image().unwrap();
         assert_eq!(mean[0], DVec3::new(3.5, 7.0, 1.0));
         assert!((error[0] - DVec3::new(0.75f64.sqrt(), 3f64.sqrt(), 0.0)).length() < 1e-12);
+        // First pixel: luminance 1.6430·v + 0.0722 of v = 0…7; the second one is exact.
+        let expected = 0.5 * 1.643 * 0.75f64.sqrt() / (1.643 * 3.5 + 0.0722);
+        assert!((filled(16).relative_noise() - expected).abs() < 1e-12);
         assert_eq!((mean[1], error[1]), (DVec3::new(0.0, 0.0, 5.0), DVec3::ZERO));
         let (mean, _) = filled(9).image().unwrap();
         assert!((mean[0].x - 28.0 / 9.0).abs() < 1e-12, "an odd pass counts as a sample like any other");

@@ -104,18 +104,9 @@ impl Reference {
         Ok(Self { size: accumulator.size(), mean, standard_error, overall_error, accumulator })
     }
 
-    /// Mean over pixels and channels of standard error over mean; black values are left out.
+    /// Mean over pixels of the luminance's standard error over the luminance; black pixels are left out.
     pub fn relative_noise(&self) -> f64 {
-        let (mut sum, mut count) = (0.0, 0u64);
-        for (mean, error) in self.mean.iter().zip(&self.standard_error) {
-            for channel in 0..3 {
-                if mean[channel] > 0.0 {
-                    sum += error[channel] / mean[channel];
-                    count += 1;
-                }
-            }
-        }
-        if count > 0 { sum / count as f64 } else { 0.0 }
+        self.accumulator.relative_noise()
     }
 }
 
@@ -127,7 +118,7 @@ const TECHNIQUE: Technique = Technique {
     roulette_from: 3,
     direct_only: false,
     anchors: 8192,
-    difference_rate: 0.5,
+    difference_rate: 1.0,
 };
 
 /// Render `scene` until a limit of `settings` is reached or `progress` breaks off; the image so far is then returned.

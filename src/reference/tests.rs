@@ -165,16 +165,16 @@ fn strategies_agree_and_a_wrong_weight_does_not() {
         ("early roulette", Technique { roulette_from: 1, light_paths: 3, ..walked }),
     ];
     let glossy = room();
-    let judged = image_by(&glossy, &settings(size, 1024, 1), walked);
+    let judged = image_by(&glossy, &settings(size, 512, 1), walked);
     for (name, technique) in variants {
-        let other = image_by(&glossy, &settings(size, 512, 2), technique);
+        let other = image_by(&glossy, &settings(size, 256, 2), technique);
         let agreement = judge(&judged, &other);
         // Only the means: strategies alone have spikes, so that eight replicates are far from normal.
         assert!(agreement.means_hold(), "{name}: {agreement:?}");
         assert!(other.relative_noise() < 0.5 && other.relative_noise() > 0.0, "{name}: {}", other.relative_noise());
     }
     let wrong = Technique { heuristic: Heuristic::Unweighted, ..walked };
-    let agreement = judge(&judged, &image_by(&glossy, &settings(size, 512, 2), wrong));
+    let agreement = judge(&judged, &image_by(&glossy, &settings(size, 256, 2), wrong));
     assert!(!agreement.holds(), "paths counted twice must be noticed: {agreement:?}");
 }
 
@@ -182,14 +182,14 @@ fn strategies_agree_and_a_wrong_weight_does_not() {
 #[test]
 fn anchors_are_unbiased() {
     let (scene, size) = (matte_room(), (24, 18));
-    let walked = image_by(&scene, &settings(size, 1024, 1), Technique { anchors: 0, ..TECHNIQUE });
+    let walked = image_by(&scene, &settings(size, 512, 1), Technique { anchors: 0, ..TECHNIQUE });
     for (anchors, difference_rate) in [(TECHNIQUE.anchors, TECHNIQUE.difference_rate), (12, 0.2)] {
-        let other = image_by(&scene, &settings(size, 512, 2), Technique { anchors, difference_rate, ..TECHNIQUE });
+        let other = image_by(&scene, &settings(size, 256, 2), Technique { anchors, difference_rate, ..TECHNIQUE });
         let agreement = judge(&walked, &other);
         assert!(agreement.holds(), "{anchors}: {agreement:?}");
     }
     let never = Technique { difference_rate: 1e-9, ..TECHNIQUE };
-    let agreement = judge(&walked, &image_by(&scene, &settings(size, 512, 2), never));
+    let agreement = judge(&walked, &image_by(&scene, &settings(size, 256, 2), never));
     assert!(!agreement.holds(), "leaving the differences out must be noticed: {agreement:?}");
 }
 
@@ -198,7 +198,7 @@ fn anchors_are_unbiased() {
 fn standard_errors_cover_the_truth() {
     let (scene, size) = (matte_room(), (24, 18));
     let short = image(&scene, &settings(size, 128, 5));
-    let long = image(&scene, &settings(size, 2048, 6));
+    let long = image(&scene, &settings(size, 1024, 6));
     let covered = |scale: f64| {
         let mut inside = 0;
         for i in 0..short.mean.len() {
