@@ -178,7 +178,13 @@ impl GridStage {
     /// # Errors
     /// [`crate::error::Error::Usage`] when floats cannot count the photons or the cells that were asked for;
     /// [`crate::error::Error::Device`] when memory is short.
-    pub fn build(&mut self, context: &Context, objects: &[Object], photons: &Photons, wanted: &Wanted) -> Result<&Grid> {
+    pub fn build(
+        &mut self,
+        context: &Context,
+        objects: &[Object],
+        photons: &Photons,
+        wanted: &Wanted,
+    ) -> Result<&Grid> {
         let bounds = self.bounds(context, 2 * objects.len(), photons)?;
         let mut plan = plan(objects, &bounds, photons.count, wanted.radius, wanted.size, wanted.form)?;
         plan.gather.nearest = wanted.nearest as f32;
@@ -214,15 +220,18 @@ impl GridStage {
         context.launch(&kernels.keys, &args, &[items], None)?;
         let sorted = self.sort.sort(context, count, plan.cells)?;
 
-        let args =
-            [(&self.sort.keys[sorted]).into(), (&grid.cell_starts).into(), tail[0], (plan.cells as i32).into(), tail[1]];
+        let args = [
+            (&self.sort.keys[sorted]).into(),
+            (&grid.cell_starts).into(),
+            tail[0],
+            (plan.cells as i32).into(),
+            tail[1],
+        ];
         // One place more than there are photons: it ends the last cell.
         context.launch(&kernels.starts, &args, &[(count + 1).div_ceil(per_item)], None)?;
         let order: Arg = (&self.sort.values[sorted]).into();
-        let mut tables: Vec<(Arg, Arg)> = vec![
-            (photons.positions.into(), (&grid.positions).into()),
-            (photons.powers.into(), (&grid.powers).into()),
-        ];
+        let mut tables: Vec<(Arg, Arg)> =
+            vec![(photons.positions.into(), (&grid.positions).into()), (photons.powers.into(), (&grid.powers).into())];
         if let Some(directions) = photons.directions {
             tables.push((directions.into(), (&grid.directions).into()));
         }
@@ -258,8 +267,7 @@ impl GridStage {
     }
 
     fn bounds(&mut self, context: &Context, faces: usize, photons: &Photons) -> Result<Vec<Bounds>> {
-        let nothing: Vec<i32> =
-            (0..6 * faces).map(|i| if i % 6 < 3 { i32::MAX } else { i32::MIN }).collect();
+        let nothing: Vec<i32> = (0..6 * faces).map(|i| if i % 6 < 3 { i32::MAX } else { i32::MIN }).collect();
         fit(context, &mut self.bounds, nothing.len())?;
         self.bounds.write(context, &nothing)?;
         let (items, per_item) = share(context, photons.count);

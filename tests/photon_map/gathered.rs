@@ -36,13 +36,7 @@ fn features() -> Features {
 }
 
 fn packed() -> Packed {
-    Packed {
-        origin: DVec3::ZERO,
-        objects: room(),
-        sphere_count: ROOM_SPHERES,
-        lights: Vec::new(),
-        glasses: Vec::new(),
-    }
+    Packed { origin: DVec3::ZERO, objects: room(), sphere_count: ROOM_SPHERES, lights: Vec::new(), glasses: Vec::new() }
 }
 
 /// A wide view into the room's corners.
@@ -92,7 +86,14 @@ fn on_device(
     film.to_vec(context).unwrap()
 }
 
-fn on_gl(context: &Context, headless: &Headless, stage: &mut GridStage, map: &Map, wanted: &Wanted, gathering: Gathering) -> Vec<[f32; 3]> {
+fn on_gl(
+    context: &Context,
+    headless: &Headless,
+    stage: &mut GridStage,
+    map: &Map,
+    wanted: &Wanted,
+    gathering: Gathering,
+) -> Vec<[f32; 3]> {
     let uploaded = DeviceMap::new(context, map);
     let packed = packed();
     let stored = uploaded.photons();
@@ -148,7 +149,8 @@ fn grids_of_both_forms_equal_brute_force_on_every_lane_width() {
     let map = room_photons(3000, 11);
     for radius in [0.15, 1.0] {
         for kernel in DensityKernel::ALL {
-            let gathering = Gathering { kernel, clip: true, both_sides: true, ..Gathering::default() };
+            let gathering =
+                Gathering { kernel, clip: true, both_sides: true, footprints: true, ..Gathering::default() };
             let truth = by_twin(&map, &Wanted::radius(radius), Gathering { method: Method::Brute, ..gathering });
             for form in [Form::Dense, Form::Hashed(Some(32))] {
                 let wanted = Wanted { form, ..Wanted::radius(radius) };
@@ -185,7 +187,7 @@ fn device_and_twin_gather_the_same() {
         (Method::Knn, DensityKernel::Biweight, true),
         (Method::Brute, DensityKernel::Cone, true),
     ] {
-        let gathering = Gathering { method, kernel, clip: true, both_sides, hashed: false };
+        let gathering = Gathering { method, kernel, clip: true, both_sides, footprints: both_sides, hashed: false };
         let wanted = Wanted { nearest: 12, ..Wanted::radius(0.8) };
         let twin = by_twin(&map, &wanted, gathering);
         let found = on_device(&context, &mut stage, &map, &wanted, gathering, context.device.lanes);
@@ -207,7 +209,7 @@ fn the_fragment_shader_gathers_the_same() {
         (Method::Brute, Form::Dense),
     ] {
         let both_sides = form != Form::Dense;
-        let gathering = Gathering { method, clip: true, both_sides, ..Gathering::default() };
+        let gathering = Gathering { method, clip: true, both_sides, footprints: both_sides, ..Gathering::default() };
         let wanted = Wanted { nearest: 12, form, ..Wanted::radius(0.8) };
         let twin = by_twin(&map, &wanted, gathering);
         let found = on_gl(&context, &headless, &mut stage, &map, &wanted, gathering);

@@ -26,7 +26,14 @@ fn closed_room(photons: usize) -> (Packed, Map) {
         .map(|i| {
             let (axis, sign) = (i / 2, if i % 2 == 0 { -1.0 } else { 1.0 });
             let anchor = [0, 1, 2].map(|a| f32::from(u8::from(a == axis)));
-            Object { anchor, extent: sign * half[axis], kind: PLANE, color: [0.7; 3], diffuse: 1.0, ..Object::default() }
+            Object {
+                anchor,
+                extent: sign * half[axis],
+                kind: PLANE,
+                color: [0.7; 3],
+                diffuse: 1.0,
+                ..Object::default()
+            }
         })
         .collect();
     let (mut random, mut map) = (Random::new(1), Map::default());
@@ -131,8 +138,7 @@ fn timings() {
             let mut textures = PhotonTextures::new(&headless.gl).unwrap();
             textures.fill(&context, grid, &photons, &gathering).unwrap();
             let options = Options { defines: gathering.defines(), ..Options::default() };
-            let program =
-                Program::new(&headless.gl, &assemble("trace.frag", Some(&features), &options)).unwrap();
+            let program = Program::new(&headless.gl, &assemble("trace.frag", Some(&features), &options)).unwrap();
             let target = Target::new(&headless.gl, WIDTH as u32, HEIGHT as u32, false).unwrap();
             program.activate(&PhotonTextures::SAMPLERS);
             program.set_records(&[frame()]);
