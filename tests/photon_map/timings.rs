@@ -20,7 +20,7 @@ const WIDTH: usize = 640;
 const HEIGHT: usize = 480;
 
 /// A closed room of 6 × 4 × 6 m with uniform photons on its walls.
-fn closed_room(photons: usize) -> (Packed, Map) {
+pub fn closed_room(photons: usize) -> (Packed, Map) {
     let half = [3.0f32, 2.0, 3.0];
     let objects: Vec<Object> = (0..6)
         .map(|i| {
