@@ -5,6 +5,7 @@
 #define Bool bool
 #define Vec3 vec3
 #define LANES 1
+#define INLINE
 #define STRUCT(name) // a struct's name is a type already
 #define lanes(x) float(x)
 #define lanes_i(x) int(x)
@@ -20,6 +21,7 @@
 #define cross3(a, b) cross(a, b)
 #define pick(c, a, b) ((c) ? (a) : (b))
 #define pick_i(c, a, b) ((c) ? (a) : (b))
+#define pick_u(c, a, b) ((c) ? (a) : (b))
 #define pick_b(c, a, b) ((c) ? (a) : (b))
 #define pick3(c, a, b) ((c) ? (a) : (b))
 #define any_lane(c) (c)

@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use crate::layout::{LIGHTS_IN_UNIFORMS, OBJECTS_IN_UNIFORMS};
 use crate::scene::{Plane, Scene};
-use crate::settings::Settings;
+use crate::settings::{LightMode, Settings};
 
 /// How many lights the code is made for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -68,7 +68,9 @@ impl Features {
         };
         let glossy = used_materials().filter(|m| m.specular > 0.0).count();
         let ambient = used_materials().filter(|m| m.ambient > 0.0 && m.color != DVec3::ZERO).count();
-        let lights = if spheres + planes == 0 { 0 } else { scene.lights.len() };
+        // Where photons carry all light, nothing is lit by shadow rays.
+        let photons_only = settings.light == LightMode::Photons;
+        let lights = if spheres + planes == 0 || photons_only { 0 } else { scene.lights.len() };
         let separating = if lights == 0 { 0 } else { separating_planes(scene).count() };
 
         let features = Features {
@@ -81,7 +83,7 @@ impl Features {
             },
             sphere_shadows: spheres > 0 && lights > 0,
             plane_shadows: separating > 0,
-            glossy: glossy > 0 && lights > 0,
+            glossy: glossy > 0 && !scene.lights.is_empty(),
             ambient: ambient > 0,
             one_sample: settings.samples == 1,
             in_uniforms: spheres + planes <= OBJECTS_IN_UNIFORMS && scene.lights.len() <= LIGHTS_IN_UNIFORMS,
@@ -90,9 +92,20 @@ impl Features {
         let reasons = vec![
             reason("HAS_SPHERES", features.spheres, format!("{spheres} spheres")),
             reason("HAS_PLANES", features.planes, format!("{planes} planes")),
-            reason("HAS_LIGHTS", lights > 0, format!("{} lights, {} objects", scene.lights.len(), spheres + planes)),
+            reason(
+                "HAS_LIGHTS",
+                lights > 0,
+                match photons_only {
+                    true => "photons carry all light".into(),
+                    false => format!("{} lights, {} objects", scene.lights.len(), spheres + planes),
+                },
+            ),
             reason("ONE_LIGHT", lights == 1, format!("{lights} lights to loop over")),
-            reason("HAS_SPHERE_SHADOWS", features.sphere_shadows, format!("{spheres} spheres may block {lights} lights")),
+            reason(
+                "HAS_SPHERE_SHADOWS",
+                features.sphere_shadows,
+                format!("{spheres} spheres may block {lights} lights"),
+            ),
             reason(
                 "HAS_PLANE_SHADOWS",
                 features.plane_shadows,
@@ -104,7 +117,9 @@ impl Features {
             reason(
                 "SCENE_IN_UNIFORMS",
                 features.in_uniforms,
-                format!("up to {OBJECTS_IN_UNIFORMS} objects and {LIGHTS_IN_UNIFORMS} lights need no texture in OpenGL"),
+                format!(
+                    "up to {OBJECTS_IN_UNIFORMS} objects and {LIGHTS_IN_UNIFORMS} lights need no texture in OpenGL"
+                ),
             ),
         ];
         (features, reasons)
@@ -156,7 +171,7 @@ impl Features {
                     };
                     let empty = !spheres && !planes;
                     let impossible = empty && (lit || features.ambient || !features.in_uniforms)
-                        || features.glossy && !lit
+                        || features.glossy && empty
                         || features.plane_shadows && !(planes && lit);
                     if !impossible {
                         reachable.push(features);
@@ -166,6 +181,11 @@ impl Features {
         }
         reachable
     }
+}
+
+/// Whether some plane keeps camera and lights apart, so that photons may lie on both sides of it.
+pub fn is_divided(scene: &Scene) -> bool {
+    separating_planes(scene).next().is_some()
 }
 
 /// Planes that have the camera on one side and some light on the other, or either of them within rounding of the

@@ -1,51 +1,7 @@
 //! How stored photons become radiance: the method, the density kernel, and what the scene asks of the code.
 
-use crate::features::Features;
 use crate::layout::Object;
-
-/// How the photons around a point are found.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Method {
-    /// The cells around the point.
-    #[default]
-    Grid,
-    /// The k nearest of them within R; the distance to the next one is the radius.
-    Knn,
-    /// All photons of the map: the truth for tests.
-    Brute,
-}
-
-/// The kernel K of the density estimate; each integrates to 1 over the unit disc.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum DensityKernel {
-    /// 1/π.
-    Constant,
-    /// 2/π · (1 − t²): the least variance for its bias (Epanechnikov 1969).
-    #[default]
-    Epanechnikov,
-    /// 3/π · (1 − t) (Jensen 1996).
-    Cone,
-    /// 3/π · (1 − t²)²: smooth at its rim.
-    Biweight,
-}
-
-impl DensityKernel {
-    /// All of them.
-    pub const ALL: [DensityKernel; 4] =
-        [DensityKernel::Constant, DensityKernel::Epanechnikov, DensityKernel::Cone, DensityKernel::Biweight];
-
-    /// As shaders know it.
-    pub fn define(self) -> &'static str {
-        match self {
-            DensityKernel::Constant => "KERNEL_CONSTANT",
-            DensityKernel::Epanechnikov => "KERNEL_EPANECHNIKOV",
-            DensityKernel::Cone => "KERNEL_CONE",
-            DensityKernel::Biweight => "KERNEL_BIWEIGHT",
-        }
-    }
-}
+pub use crate::settings::{DensityKernel, Method};
 
 /// The permutation of the gathering code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
@@ -85,13 +41,13 @@ impl Gathering {
     /// What a scene's objects need.
     ///
     /// A plane cuts discs of other surfaces only: it takes two objects. Photons lie on both sides of a plane only
-    /// where one separates camera and lights, or where light passes through one: all else starts in one half-space
+    /// where the scene is `divided`: one separates camera and lights. All else starts in one half-space of every plane
     /// and stays there.
-    pub fn of(objects: &[Object], sphere_count: usize, features: &Features, glass_planes: bool) -> Gathering {
+    pub fn of(objects: &[Object], sphere_count: usize, divided: bool) -> Gathering {
         let planes = objects.len() - sphere_count;
         Gathering {
             clip: planes > 0 && objects.len() > 1,
-            both_sides: planes > 0 && objects.len() > 1 && (features.plane_shadows || glass_planes),
+            both_sides: planes > 0 && objects.len() > 1 && divided,
             footprints: footprints(&objects[..sphere_count], &objects[sphere_count..]),
             ..Gathering::default()
         }

@@ -153,6 +153,23 @@ record! {
 }
 
 record! {
+    /// A light as the photon paths leave it.
+    Emitter, "emitter" in "emitters" {
+        /// Scene space, metres.
+        position: [f32; 3],
+        /// Throughput that a path begins with: the light's colour, its largest channel 1. Walks depend on this alone,
+        /// so that the same path is walked however many others there are.
+        color: [f32; 3],
+        /// Power of one path in its largest channel, watts.
+        power: f32,
+        /// Zero.
+        reserved: f32,
+        /// Zero.
+        unused: f32,
+    }
+}
+
+record! {
     /// Where a photon landed. Photon tables are separate, one texel a property: a rejected candidate costs one fetch.
     PhotonPosition, "photon" in "photon_positions" {
         /// Scene space, metres.
@@ -275,6 +292,7 @@ pub const RECORDS: &[Declaration] = &[
     declare::<Glass>(false, 0),
     declare::<Gather>(true, 0),
     declare::<Face>(false, 0),
+    declare::<Emitter>(false, 0),
     declare::<PhotonPosition>(false, 0),
     declare::<PhotonPower>(false, 0),
     declare::<PhotonSurface>(false, 0),

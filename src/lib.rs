@@ -16,6 +16,7 @@
 pub mod cli;
 
 pub mod pipeline;
+pub mod radius;
 pub mod validate;
 
 pub mod stage;
@@ -26,6 +27,7 @@ pub mod gl;
 
 pub mod cells;
 pub mod change;
+pub mod emission;
 pub mod features;
 pub mod film;
 pub mod gathering;

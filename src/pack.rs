@@ -44,9 +44,10 @@ impl Packed {
             .spheres
             .iter()
             .map(|s| object((s.center - origin).as_vec3().to_array(), s.radius, SPHERE, s.material));
-        let planes = scene.planes.iter().map(|p| {
-            object(p.normal.as_vec3().to_array(), p.offset - p.normal.dot(origin), PLANE, p.material)
-        });
+        let planes = scene
+            .planes
+            .iter()
+            .map(|p| object(p.normal.as_vec3().to_array(), p.offset - p.normal.dot(origin), PLANE, p.material));
         let materials = scene.spheres.iter().map(|s| s.material).chain(scene.planes.iter().map(|p| p.material));
         let glass = |m: usize| {
             let material = &scene.materials[m];

@@ -23,11 +23,14 @@ const FILES: &[(&str, &str)] = &[
     ("shared/cell.glsl", include_str!("../glsl/shared/cell.glsl")),
     ("shared/gather.glsl", include_str!("../glsl/shared/gather.glsl")),
     ("shared/pixel.glsl", include_str!("../glsl/shared/pixel.glsl")),
+    ("shared/sampling.glsl", include_str!("../glsl/shared/sampling.glsl")),
+    ("shared/walk.glsl", include_str!("../glsl/shared/walk.glsl")),
     ("probe.frag", include_str!("../glsl/probe.frag")),
     ("shim.cl", include_str!("../kernels/shim.cl")),
     ("trace.cl", include_str!("../kernels/trace.cl")),
     ("probe.cl", include_str!("../kernels/probe.cl")),
     ("scan.cl", include_str!("../kernels/scan.cl")),
+    ("photons.cl", include_str!("../kernels/photons.cl")),
     ("sort.cl", include_str!("../kernels/sort.cl")),
     ("grid.cl", include_str!("../kernels/grid.cl")),
     ("validate.cl", include_str!("../kernels/validate.cl")),
@@ -56,7 +59,13 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Options { lanes: 1, texture_width_log2: layout::TEXTURE_WIDTH_LOG2, defines: Vec::new(), inject: None, table: "objects" }
+        Options {
+            lanes: 1,
+            texture_width_log2: layout::TEXTURE_WIDTH_LOG2,
+            defines: Vec::new(),
+            inject: None,
+            table: "objects",
+        }
     }
 }
 
@@ -88,7 +97,8 @@ pub fn assemble(unit: &str, features: Option<&Features>, options: &Options) -> S
     }
     writeln!(header, "#define TEXTURE_WIDTH_LOG2 {}", options.texture_width_log2).expect("writing to a string");
     writeln!(header, "#define TEXTURE_WIDTH {}", 1u32 << options.texture_width_log2).expect("writing to a string");
-    let mut defines = features.map(|f| f.defines()).unwrap_or_default().into_iter().map(String::from).collect::<Vec<_>>();
+    let mut defines =
+        features.map(|f| f.defines()).unwrap_or_default().into_iter().map(String::from).collect::<Vec<_>>();
     defines.extend(options.defines.iter().cloned());
     for define in &defines {
         writeln!(header, "#define {define}").expect("writing to a string");

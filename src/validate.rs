@@ -240,7 +240,7 @@ fn pattern(floats: usize, salt: u32) -> Vec<u32> {
         -0.0,
         f32::MIN_POSITIVE,
         -f32::MIN_POSITIVE,
-        f32::from_bits(1),           // the smallest denormal
+        f32::from_bits(1),            // the smallest denormal
         -f32::from_bits(0x007f_ffff), // the largest
         f32::MAX,
         f32::MIN,

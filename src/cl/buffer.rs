@@ -78,6 +78,23 @@ impl<T: Pod> Buffer<T> {
             .map_err(|e| failed("readback", e))
     }
 
+    /// The record at `index`.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Device`] when the transfer fails.
+    ///
+    /// # Panics
+    /// When `index` is past the end.
+    pub fn get(&self, context: &Context, index: usize) -> Result<T> {
+        assert!(index < self.len, "record {index} of a buffer of {}", self.len);
+        let mut record = [T::zeroed()];
+        let bytes: &mut [u8] = bytemuck::cast_slice_mut(&mut record);
+        // SAFETY: blocking, so `bytes` is borrowed until the transfer is done; the index was checked above.
+        unsafe { context.queue.enqueue_read_buffer(&self.memory, CL_BLOCKING, index * size_of::<T>(), bytes, &[]) }
+            .map_err(|e| failed("readback", e))?;
+        Ok(record[0])
+    }
+
     /// All records.
     ///
     /// # Errors

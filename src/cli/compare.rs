@@ -90,7 +90,14 @@ fn compare_files(args: &Args, reference: &Path) -> Result<()> {
     } else {
         println!(
             "RMSE {:.3e}  relMSE {:.3e}  MAE {:.3e}  max {:.3e}  SMAPE {:.3e}  PSNR {:.1} dB  {} of {} pixels over",
-            found.rmse, found.rel_mse, found.mae, found.max_abs, found.smape, found.psnr, found.pixels_over, found.pixels
+            found.rmse,
+            found.rel_mse,
+            found.mae,
+            found.max_abs,
+            found.smape,
+            found.psnr,
+            found.pixels_over,
+            found.pixels
         );
     }
     bound(args, "the images", found.rmse, 0)

@@ -46,6 +46,14 @@ pub fn sobol_second(index: u32) -> u32 {
     sum
 }
 
+/// Steps of Roberts' R₄ sequence, φ₄⁻¹ … φ₄⁻⁴ in 32-bit fixed point.
+pub const R4_STEPS: [u32; 4] = [3_679_390_609, 3_152_041_523, 2_700_274_805, 2_313_257_605];
+
+/// Point `index` of one dimension of a Kronecker sequence, shifted (Cranley & Patterson 1976).
+pub fn sequence_u(index: u32, step: u32, shift: u32) -> u32 {
+    index.wrapping_mul(step).wrapping_add(shift)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -4,11 +4,13 @@ use bytemuck::Pod;
 
 use super::grid::{Grid, Photons};
 use crate::cl::{Buffer, Context};
+use crate::cells::Plan;
+use crate::cpu::grid::{GridTables, PhotonTables};
 use crate::error::Result;
 use crate::gathering::{Gathering, Method};
 use crate::gl::{Functions, Program, TableTexture};
 use crate::layout::{
-    Face, Gather, PhotonCell, PhotonDirection, PhotonPosition, PhotonPower, PhotonSurface, Record, TEXTURE_WIDTH_LOG2,
+    Face, Gather, PhotonCell, PhotonDirection, PhotonPosition, PhotonPower, PhotonSurface, Record, TEXEL, TEXTURE_WIDTH_LOG2,
 };
 
 /// The photon map as textures, one a property; what a permutation does not read is neither read back nor uploaded.
@@ -39,6 +41,28 @@ impl PhotonTextures {
         let table = || TableTexture::new(gl, TEXTURE_WIDTH_LOG2);
         let tables = [table()?, table()?, table()?, table()?, table()?, table()?, table()?];
         Ok(PhotonTextures { tables, gather: Gather::default(), staging: Vec::new() })
+    }
+
+    /// Takes over a map made by the CPU.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Device`] when a table is larger than the driver's textures.
+    pub fn fill_from_host(&mut self, plan: &Plan, stored: &PhotonTables, grid: &GridTables, gathering: &Gathering) -> Result<()> {
+        self.gather = plan.gather;
+        if gathering.method == Method::Brute {
+            self.tables[3].fill(stored.positions)?;
+            self.tables[4].fill(stored.powers)?;
+            self.tables[5].fill(stored.surfaces)?;
+            return self.tables[6].fill(stored.directions);
+        }
+        self.tables[0].fill(&plan.faces)?;
+        let mut starts = grid.cell_starts.clone();
+        starts.resize(starts.len().next_multiple_of(TEXEL), 0.0); // lists fill whole texels
+        self.tables[1].fill_texels(&starts)?;
+        self.tables[2].fill(&grid.cells)?;
+        self.tables[3].fill(&grid.positions)?;
+        self.tables[4].fill(&grid.powers)?;
+        self.tables[6].fill(&grid.directions)
     }
 
     /// Takes over a map; `gathering` says which tables its method reads.

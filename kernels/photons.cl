@@ -1,0 +1,157 @@
+// Emission: paths from the lights, a photon stored at each diffuse or glossy surface on their way.
+//
+// A lane walks a run of consecutive paths, one after the other: when one ends, the next begins in the same lane, so
+// that lanes never wait for the longest path among them. What a lane stores is therefore in path order, and then in
+// bounce order. First every run's photons are counted, then the counts are scanned (scan.cl), then the same walks
+// are made again and write: no photon is lost, and no order depends on scheduling.
+#include "shim.cl"
+#include "layout"
+#include "shared/vector.glsl"
+#include "shared/random.glsl"
+#include "shared/intersect.glsl"
+#include "shared/scene.glsl"
+#include "shared/bsdf.glsl"
+#include "shared/sampling.glsl"
+
+// What GLSL would hold as globals: emitters, a record a light; emitter_counts, three uints a light: its slots of a
+// round, its first cell of the emission map, its cells; slots: light << SLOTS_LOG2 | rank among the light's own slots.
+#ifndef SLOTS_LOG2
+#define SLOTS_LOG2 12u
+#endif
+#define SLOTS (1u << SLOTS_LOG2)
+#define EMISSION_ROWS (1u << EMISSION_ROWS_LOG2)
+#define EMISSION_COLUMNS (1u << EMISSION_COLUMNS_LOG2)
+#define EMISSION_PARAMS __global const float *emitters, __global const uint *emitter_counts, \
+    __global const uint *slots, __global const uint *emission_cells,
+#define EMISSION emitters, emitter_counts, slots, emission_cells,
+#include "shared/walk.glsl"
+
+// Paths [first_path, end_path) in runs of run_length; `stream` is the hash of seed and pass.
+#define WALK_PARAMS SCENE_PARAMS EMISSION_PARAMS uint first_path, uint end_path, uint run_length, uint stream
+#define FIRST_RUN ((uint)get_global_id(0) * LANES)
+
+// Tables of runs are padded to whole work-items.
+#if LANES == 1
+#define LOAD_RUNS(table) table[FIRST_RUN]
+#define STORE_RUNS(v, table) table[FIRST_RUN] = v
+#else
+#define LOAD_RUNS(table) CONCAT(vload, LANES)(get_global_id(0), table)
+#define STORE_RUNS(v, table) CONCAT(vstore, LANES)(v, get_global_id(0), table)
+#endif
+
+INLINE Uint run_start(Uint run, uint first_path, uint end_path, uint run_length) {
+    return min(run * run_length + first_path, lanes_u(end_path));
+}
+
+// counts[run]: photons that each run stores.
+__kernel void photons_count(WALK_PARAMS, __global uint *counts, uint runs) {
+    if (FIRST_RUN >= runs) return;
+    Uint run = lanes_u(FIRST_RUN) + LANE_NUMBER;
+    Uint path = run_start(run, first_path, end_path, run_length);
+    Uint end = run_start(run + 1u, first_path, end_path, run_length);
+    Uint count = lanes_u(0u);
+    Photon photon = no_photon();
+    Bool alive = NO_LANE;
+    while (any_lane(path < end)) {
+        if (any_lane(!alive)) photon = pick_photon(alive, photon, emit_photon(EMISSION path, stream));
+        Step step = walk(SCENE photon);
+        count += pick_u(step.stored && path < end, 1u, 0u);
+        photon = step.photon;
+        alive = step.survives;
+        path += pick_u(alive, 0u, 1u);
+    }
+    STORE_RUNS(count, counts);
+    // One count more than there are runs: the scan turns it into the sum of all.
+    if (FIRST_RUN == 0u) counts[(runs + LANES - 1u) / LANES * LANES] = 0u;
+}
+
+// The path that stores photon number `wanted` of a run, from 1 on: `--stored` stops there. One work-item, one run.
+__kernel void photons_last(WALK_PARAMS, uint wanted, __global uint *last_path) {
+    Uint path = lanes_u(first_path);
+    uint count = 0u;
+    Photon photon = no_photon();
+    Bool alive = NO_LANE;
+    uint number = first_path;
+    while (number < end_path) {
+        if (any_lane(!alive)) photon = emit_photon(EMISSION lanes_u(number), stream);
+        Step step = walk(SCENE photon);
+        if (any_lane(step.stored)) count++;
+        if (count == wanted) break;
+        photon = step.photon;
+        alive = step.survives;
+        if (!any_lane(alive)) number++;
+    }
+    *last_path = number;
+}
+
+// What a photon leaves in the map, a table a property.
+#ifdef HAS_GLOSSY
+#define MAP_PARAMS __global float *positions, __global float *powers, __global float *surfaces, __global float *directions
+#define MAP positions, powers, surfaces, directions
+#else
+#define MAP_PARAMS __global float *positions, __global float *powers, __global float *surfaces
+#define MAP positions, powers, surfaces
+#endif
+
+#if LANES == 1
+void store_photon(Bool stored, Uint slot, Photon photon, Surface surface, MAP_PARAMS) {
+    if (!stored) return;
+    vstore3(surface.position, slot, positions);
+    vstore3(photon.throughput * photon.power, slot, powers);
+    vstore3((float3)(to_real(surface.object), pick(surface.inside, -1.0f, 1.0f), to_real(photon.bounce)), slot, surfaces);
+#ifdef HAS_GLOSSY
+    vstore3(-photon.direction, slot, directions);
+#endif
+}
+#else
+INLINE void store_lanes(uint count, const uint *lane_of, const uint *slots, Vec3 v, __global float *table) {
+    float x[LANES], y[LANES], z[LANES];
+    CONCAT(vstore, LANES)(v.x, 0, x);
+    CONCAT(vstore, LANES)(v.y, 0, y);
+    CONCAT(vstore, LANES)(v.z, 0, z);
+    for (uint i = 0; i < count; i++) {
+        uint lane = lane_of[i];
+        vstore3((float3)(x[lane], y[lane], z[lane]), slots[lane], table);
+    }
+}
+
+INLINE void store_photon(Bool stored, Uint slot, Photon photon, Surface surface, MAP_PARAMS) {
+    uint slots[LANES], lane_of[LANES];
+    int masks[LANES];
+    CONCAT(vstore, LANES)(slot, 0, slots);
+    CONCAT(vstore, LANES)(stored, 0, masks);
+    // Which lanes store, without a branch that a lane could mispredict.
+    uint count = 0u;
+    for (uint lane = 0; lane < LANES; lane++) {
+        lane_of[count] = lane;
+        count += masks[lane] & 1;
+    }
+    store_lanes(count, lane_of, slots, surface.position, positions);
+    store_lanes(count, lane_of, slots, scale3(photon.throughput, photon.power), powers);
+    store_lanes(count, lane_of, slots, make3(to_real(surface.object), pick(surface.inside, -1.0f, 1.0f), to_real(photon.bounce)), surfaces);
+#ifdef HAS_GLOSSY
+    store_lanes(count, lane_of, slots, negate3(photon.direction), directions);
+#endif
+}
+#endif
+
+// The same walks, which now write, each run from its offset on. Slots from `limit` on are dropped.
+__kernel void photons_store(WALK_PARAMS, __global const uint *offsets, uint runs, uint limit, MAP_PARAMS) {
+    if (FIRST_RUN >= runs) return;
+    Uint run = lanes_u(FIRST_RUN) + LANE_NUMBER;
+    Uint path = run_start(run, first_path, end_path, run_length);
+    Uint end = run_start(run + 1u, first_path, end_path, run_length);
+    Uint slot = LOAD_RUNS(offsets);
+    Photon photon = no_photon();
+    Bool alive = NO_LANE;
+    while (any_lane(path < end)) {
+        if (any_lane(!alive)) photon = pick_photon(alive, photon, emit_photon(EMISSION path, stream));
+        Step step = walk(SCENE photon);
+        Bool stored = step.stored && path < end && slot < limit;
+        store_photon(stored, slot, photon, step.surface, MAP);
+        slot += pick_u(stored, 1u, 0u);
+        photon = step.photon;
+        alive = step.survives;
+        path += pick_u(alive, 0u, 1u);
+    }
+}

@@ -1,0 +1,202 @@
+//! How the lights share a number of paths, and in which directions they can hit anything at all.
+
+use glam::{DVec3, Vec3};
+
+use crate::error::{Error, Result};
+use crate::layout::{Emitter, PLANE};
+use crate::pack::Packed;
+pub use crate::settings::{Amount, Sampler};
+
+/// What one pass emits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Emission {
+    /// How long.
+    pub amount: Amount,
+    /// Keys every random number, with `pass`.
+    pub seed: u32,
+    /// Number of the pass.
+    pub pass: u32,
+    /// Where the first numbers come from.
+    pub sampler: Sampler,
+    /// Also store photons straight from the light; `hybrid` leaves those to shadow rays.
+    pub store_direct: bool,
+}
+
+/// Rows of an emission map: equal ranges of the height on the unit sphere, from the top (y = 1) down.
+pub const ROWS_LOG2: u32 = 6;
+/// Columns of an emission map: equal parts of the turn about y.
+pub const COLUMNS_LOG2: u32 = 7;
+/// Cells of the whole sphere, all of equal solid angle.
+pub const CELLS: usize = 1 << (ROWS_LOG2 + COLUMNS_LOG2);
+
+/// The lights' shares of the paths. A round of `1 << slots_log2` paths serves each light in proportion to the flux
+/// that can hit something, in an order in which any part of a round is as well shared as it can be.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// Paths of a round, as a power of two.
+    pub slots_log2: u32,
+    /// By slot: light `<< slots_log2` | rank of the slot among the light's own.
+    pub slots: Vec<u32>,
+    /// By light: slots of a round, first cell, number of cells.
+    pub counts: Vec<[u32; 3]>,
+    /// Cells of the sphere of directions in which something can be hit, light by light, ascending. Empty when that is
+    /// all of them for every light.
+    pub cells: Vec<u32>,
+    /// By light: position and flux into its cells (W per channel).
+    lights: Vec<([f32; 3], DVec3)>,
+}
+
+impl Plan {
+    /// For a packed scene.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for more lights than slots can name.
+    pub fn new(packed: &Packed) -> Result<Plan> {
+        Plan::with_cells(packed, |light, cell| can_hit(packed, light, cell))
+    }
+
+    /// For a packed scene, without the map: paths leave in all directions.
+    ///
+    /// # Errors
+    /// As [`Plan::new`].
+    pub fn whole_sphere(packed: &Packed) -> Result<Plan> {
+        Plan::with_cells(packed, |_, _| true)
+    }
+
+    fn with_cells(packed: &Packed, kept: impl Fn(DVec3, u32) -> bool) -> Result<Plan> {
+        let lights = packed.lights.len();
+        // Four slots a light at least, so that a share is off by an eighth at most; the power of a path makes up for it.
+        let slots_log2 = (4 * lights).next_power_of_two().trailing_zeros().max(12);
+        if lights > 1 << (32 - slots_log2) {
+            return Err(Error::Usage(format!("{lights} lights: at most 32768 can emit photons")));
+        }
+        let mut plan =
+            Plan { slots_log2, slots: Vec::new(), counts: Vec::new(), cells: Vec::new(), lights: Vec::new() };
+        // Directions first: flux that can hit nothing gets no paths.
+        for light in &packed.lights {
+            let first = plan.cells.len();
+            let position = DVec3::from(light.position.map(f64::from));
+            plan.cells.extend((0..CELLS as u32).filter(|cell| kept(position, *cell)));
+            let kept = plan.cells.len() - first;
+            plan.counts.push([0, first as u32, kept as u32]);
+            let flux = DVec3::from(light.intensity.map(f64::from)) * (4.0 * std::f64::consts::PI);
+            plan.lights.push((light.position, flux * (kept as f64 / CELLS as f64)));
+        }
+        if plan.cells.len() == lights * CELLS {
+            plan.cells.clear();
+        }
+        plan.share_slots();
+        Ok(plan)
+    }
+
+    /// Gives each light its slots: largest remainders, one at least, then spread evenly over the round.
+    fn share_slots(&mut self) {
+        let flux: Vec<f64> = self.lights.iter().map(|(_, flux)| flux.element_sum()).collect();
+        let total: f64 = flux.iter().sum();
+        if total <= 0.0 {
+            return;
+        }
+        let slots = 1u32 << self.slots_log2;
+        for (counts, flux) in self.counts.iter_mut().zip(&flux) {
+            counts[0] = if *flux > 0.0 { ((flux / total * f64::from(slots)).round() as u32).max(1) } else { 0 };
+        }
+        // Rounding leaves some over or short: the lights with most slots notice it least.
+        let mut largest: Vec<usize> = (0..flux.len()).collect();
+        largest.sort_by_key(|light| std::cmp::Reverse(self.counts[*light][0]));
+        for light in largest.iter().cycle() {
+            let given: u32 = self.counts.iter().map(|c| c[0]).sum();
+            if given == slots {
+                break;
+            }
+            let counts = &mut self.counts[*light][0];
+            *counts = if given < slots { *counts + 1 } else { (*counts).max(2) - 1 };
+        }
+        let mut order: Vec<(f64, u32)> = Vec::new();
+        for (light, counts) in self.counts.iter().enumerate() {
+            let place = |rank: u32| (f64::from(rank) + 0.5) / f64::from(counts[0]);
+            order.extend((0..counts[0]).map(|rank| (place(rank), (light as u32) << self.slots_log2 | rank)));
+        }
+        order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        self.slots = order.into_iter().map(|(_, slot)| slot).collect();
+    }
+
+    /// Whether no path can hit anything.
+    pub fn is_empty(&self) -> bool {
+        self.slots.is_empty()
+    }
+
+    /// Share of the lights' flux that leaves in directions where something can be hit: without the map, the rest of
+    /// the paths would be wasted.
+    pub fn useful_share(&self, packed: &Packed) -> f64 {
+        let kept: f64 = self.lights.iter().map(|(_, flux)| flux.element_sum()).sum();
+        let all: f64 = packed.lights.iter().flat_map(|l| l.intensity).map(f64::from).sum();
+        if all > 0.0 { kept / (4.0 * std::f64::consts::PI * all) } else { 0.0 }
+    }
+
+    /// Paths of each light among the first `paths`.
+    pub fn paths_of_lights(&self, paths: u32) -> Vec<u64> {
+        let rounds = u64::from(paths >> self.slots_log2);
+        let mut count: Vec<u64> = self.counts.iter().map(|c| rounds * u64::from(c[0])).collect();
+        for slot in self.slots.iter().take((paths & ((1 << self.slots_log2) - 1)) as usize) {
+            count[(slot >> self.slots_log2) as usize] += 1;
+        }
+        count
+    }
+
+    /// The records for `paths` paths: each light's flux over its own number of paths, so that the emitted energy is
+    /// exact. Too few paths to serve every light: over the number to be expected, right in the mean only.
+    pub fn emitters(&self, paths: u32) -> Vec<Emitter> {
+        let own = self.paths_of_lights(paths);
+        let served = own.iter().zip(&self.counts).all(|(own, counts)| *own > 0 || counts[0] == 0);
+        let emitter = |((position, flux), (own, counts)): (&([f32; 3], DVec3), (&u64, &[u32; 3]))| {
+            let expected = f64::from(paths) * f64::from(counts[0]) / f64::from(1u32 << self.slots_log2);
+            let number = if served { *own as f64 } else { expected };
+            let largest = flux.max_element();
+            let color = if largest > 0.0 { (*flux / largest).as_vec3() } else { Vec3::ZERO };
+            let power = if counts[0] == 0 { 0.0 } else { (largest / number) as f32 };
+            Emitter { position: *position, color: color.to_array(), power, ..Emitter::default() }
+        };
+        self.lights.iter().zip(own.iter().zip(&self.counts)).map(emitter).collect()
+    }
+}
+
+/// Whether some direction of a cell, seen from a light, can hit some object; in doubt, yes.
+fn can_hit(packed: &Packed, light: DVec3, cell: u32) -> bool {
+    let (axis, half_angle) = bounding_cone(cell);
+    packed.objects.iter().any(|object| {
+        let anchor = DVec3::from(object.anchor.map(f64::from));
+        let extent = f64::from(object.extent);
+        if object.kind == PLANE {
+            let distance = extent - anchor.dot(light);
+            // 1e-5 of the numbers that cancel: float32 resolves them to 1e-7.
+            if distance.abs() <= 1e-5 * (light.abs().dot(anchor.abs()) + extent.abs()) {
+                return true;
+            }
+            axis.angle_between(anchor * distance.signum()) < std::f64::consts::FRAC_PI_2 + half_angle
+        } else {
+            let towards = anchor - light;
+            let distance = towards.length();
+            distance <= extent * (1.0 + 1e-5)
+                || axis.angle_between(towards) < half_angle + (extent * (1.0 + 1e-5) / distance).min(1.0).asin()
+        }
+    })
+}
+
+/// A cone that contains a cell: unit axis, and half of its opening angle in radians.
+fn bounding_cone(cell: u32) -> (DVec3, f64) {
+    let direction = |row: f64, column: f64| {
+        let height = 1.0 - row * 2.0 / f64::from(1 << ROWS_LOG2);
+        let turn = (column / f64::from(1 << COLUMNS_LOG2) - 0.125) * std::f64::consts::TAU;
+        let radius = (1.0 - height * height).max(0.0).sqrt();
+        DVec3::new(radius * turn.cos(), height, radius * turn.sin())
+    };
+    let (row, column) = (f64::from(cell >> COLUMNS_LOG2), f64::from(cell & ((1 << COLUMNS_LOG2) - 1)));
+    let axis = direction(row + 0.5, column + 0.5);
+    // The farthest point lies on the border; 8 points an edge miss it by less than the 2% added.
+    let border = (0..=8).flat_map(|i| {
+        let s = f64::from(i) / 8.0;
+        [(row, column + s), (row + 1.0, column + s), (row + s, column), (row + s, column + 1.0)]
+    });
+    let farthest = border.map(|(r, c)| axis.angle_between(direction(r, c))).fold(0.0, f64::max);
+    (axis, farthest * 1.02 + 1e-5) // 1e-5 rad: float32 directions
+}

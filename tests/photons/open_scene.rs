@@ -1,0 +1,105 @@
+//! Open scenes: no path where nothing can be hit, and `--stored`.
+
+use photile::cpu::photons::photons;
+use photile::cpu::scene::SceneTables;
+use photile::emission::{Amount, Emission, Plan};
+
+use crate::{Case, grey_box, paths};
+
+#[test]
+fn half_of_the_sphere_and_plane_would_be_wasted_and_the_mean_stays() {
+    let with = Case::shipped("sphere_and_plane");
+    let whole = Case { plan: Plan::whole_sphere(&with.packed).unwrap(), ..Case::shipped("sphere_and_plane") };
+    let useful = with.plan.useful_share(&with.packed);
+    // The plane takes the lower half of the directions; the sphere (12° across) lies in it but for a cell or two.
+    assert!((0.5..0.52).contains(&useful), "{useful}");
+    assert!((whole.plan.useful_share(&whole.packed) - 1.0).abs() < 1e-12);
+    let number = 200_000;
+    let first = |case: &Case| {
+        let map = case.twin(&paths(number));
+        let mut power = [0.0; 2];
+        for (photon, surface) in map.powers.iter().zip(&map.surfaces).filter(|(_, s)| s.bounce == 0.0) {
+            power[surface.object as usize] += f64::from(photon.power[2]);
+        }
+        power
+    };
+    let (mapped, all) = (first(&with), first(&whole));
+    // Exact: the plane's share is half of Φ less what the sphere takes, the sphere's its solid angle.
+    let flux = 4.0 * std::f64::consts::PI * 6000.0;
+    let cone = 0.5 * (1.0 - (1.0f64 - 4.0 / 300.0).sqrt());
+    for (name, [sphere, plane], tolerance) in [("mapped", mapped, 2e-3), ("whole", all, 4e-3)] {
+        // Low-discrepancy counts of a half and of 1/300 of 2·10⁵ paths; a wrong weight shows as a factor.
+        assert!((sphere / (flux * cone) - 1.0).abs() < 10.0 * tolerance, "{name}: sphere {}", sphere / flux);
+        assert!((plane / (flux * (0.5 - cone)) - 1.0).abs() < tolerance, "{name}: plane {}", plane / flux);
+    }
+}
+
+#[test]
+fn every_direction_that_hits_lies_in_a_kept_cell() {
+    let case = Case::parse(
+        "[materials.grey]\ncolor = [0.5, 0.5, 0.5]\n\
+         [[lights]]\nposition = [1, 2, 3]\nintensity = [1, 1, 1]\n[[lights]]\nposition = [-4, 0, 1]\nintensity = [1, 2, 3]\n\
+         [[planes]]\nnormal = [1, 2, 0.5]\noffset = -3\nmaterial = \"grey\"\n\
+         [[spheres]]\ncenter = [5, 5, 5]\nradius = 0.1\nmaterial = \"grey\"\n\
+         [[spheres]]\ncenter = [0, 9, 0]\nradius = 3\nmaterial = \"grey\"\n",
+    );
+    let whole = Case { plan: Plan::whole_sphere(&case.packed).unwrap(), ..case_of(&case) };
+    let map = whole.twin(&paths(100_000));
+    for (photon, surface) in map.positions.iter().zip(&map.surfaces).filter(|(_, s)| s.bounce == 0.0) {
+        let p = glam::DVec3::from(photon.position.map(f64::from));
+        // A first hit belongs to one of the lights: its cell is kept by that one.
+        let kept = case.packed.lights.iter().enumerate().any(|(light, l)| {
+            let d = (p - glam::DVec3::from(l.position.map(f64::from))).normalize();
+            let row = ((1.0 - d.y) * 32.0).clamp(0.0, 63.0) as u32;
+            let turn = (d.z.atan2(d.x) / std::f64::consts::TAU + 0.125).rem_euclid(1.0);
+            let cell = row << 7 | (turn * 128.0).min(127.0) as u32;
+            let [_, first, cells] = case.plan.counts[light];
+            case.plan.cells[first as usize..(first + cells) as usize].binary_search(&cell).is_ok()
+        });
+        assert!(kept, "{p} on object {}", surface.object);
+    }
+    let useful = case.plan.useful_share(&case.packed);
+    assert!(useful < 0.62, "a half and two cones: {useful}");
+}
+
+fn case_of(case: &Case) -> Case {
+    Case { packed: case.packed.clone(), features: case.features, plan: case.plan.clone() }
+}
+
+#[test]
+fn a_closed_scene_has_no_map() {
+    assert!(grey_box(0.5).plan.cells.is_empty());
+    assert!(Case::shipped("gi_ref").plan.cells.is_empty());
+}
+
+#[test]
+fn stored_fills_exactly_and_no_path_too_many() {
+    let case = grey_box(0.5);
+    for wanted in [1, 2, 100, 70_000] {
+        let map = case.twin(&Emission { amount: Amount::Stored(wanted), ..paths(0) });
+        assert_eq!(
+            (map.len(), map.powers.len(), map.surfaces.len()),
+            (wanted as usize, wanted as usize, wanted as usize)
+        );
+        let one_less = case.twin(&paths(map.emitted - 1)).len();
+        let enough = case.twin(&paths(map.emitted)).len();
+        assert!(one_less < wanted as usize && wanted as usize <= enough, "{one_less} < {wanted} <= {enough}");
+    }
+}
+
+#[test]
+fn nothing_to_hit_is_said() {
+    let away = Case::parse("[[lights]]\nposition = [0, 0, 0]\nintensity = [1, 1, 1]\n");
+    assert_eq!(away.twin(&paths(10)).len(), 0);
+    // A black sphere stores direct light only: none in hybrid.
+    let black = Case::parse(
+        "[materials.black]\ncolor = [0, 0, 0]\n[[lights]]\nposition = [0, 0, 0]\nintensity = [1, 1, 1]\n\
+         [[spheres]]\ncenter = [3, 0, 0]\nradius = 1\nmaterial = \"black\"\n",
+    );
+    for case in [away, black] {
+        let emission = Emission { amount: Amount::Stored(5), store_direct: false, ..paths(0) };
+        let error = photons(&SceneTables::new(&case.packed, &case.features), &case.plan, &emission).unwrap_err();
+        assert!(error.to_string().contains("--stored 5: 0 photons"), "{error}");
+        assert_eq!(error.exit_code(), 2);
+    }
+}
