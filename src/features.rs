@@ -170,9 +170,8 @@ impl Features {
                         in_uniforms: flag(4),
                     };
                     let empty = !spheres && !planes;
-                    let impossible = empty && (lit || features.ambient || !features.in_uniforms)
-                        || features.glossy && empty
-                        || features.plane_shadows && !(planes && lit);
+                    let needs_objects = lit || features.ambient || features.glossy || !features.in_uniforms;
+                    let impossible = empty && needs_objects || features.plane_shadows && !(planes && lit);
                     if !impossible {
                         reachable.push(features);
                     }

@@ -142,8 +142,9 @@ pub fn scatter(scene: &SceneTables, photon: &Photon, surface: &Surface) -> Optio
     let kept = after + specular * before;
     let limit = if photon.bounce >= 16 && kept > 0.95 * before { 0.95 * before / kept } else { 1.0 };
     let chance = unit_real(number_u(photon.key, 0)) * before;
-    // `!(<)` and not `>=`: without power there is no order, and no photon goes on.
-    if !(chance < kept * limit) {
+    // Without power nothing is less than anything, and no photon goes on.
+    let survives = chance < kept * limit;
+    if !survives {
         return None;
     }
     let (height, turn) = match photon.bounce {

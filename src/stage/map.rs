@@ -17,9 +17,9 @@ use crate::pack::Packed;
 /// Makes photon maps on one machine and holds the last one.
 pub enum MapStage {
     /// Kernels.
-    Device(DeviceMap),
+    Device(Box<DeviceMap>),
     /// The twins.
-    Host(HostMap),
+    Host(Box<HostMap>),
 }
 
 /// See [`MapStage::Device`].
@@ -86,20 +86,20 @@ impl MapStage {
     /// [`Error::Build`] when the driver refuses a kernel.
     pub fn on_device(context: Rc<Context>) -> Result<MapStage> {
         let scan = Rc::new(Scan::new(&context)?);
-        Ok(MapStage::Device(DeviceMap {
+        Ok(MapStage::Device(Box::new(DeviceMap {
             photons: Photons::new(Rc::clone(&context), scan),
             grid: GridStage::new(&context)?,
             context,
             stored: None,
             packed: None,
-        }))
+        })))
     }
 
     /// On a pool of threads.
     pub fn on_host(pool: Rc<rayon::ThreadPool>) -> MapStage {
         let plan = cells::Plan { hashed: false, cells: 0, faces: Vec::new(), gather: Default::default() };
         let (stored, grid) = Default::default();
-        MapStage::Host(HostMap { pool, scene: None, stored, plan, grid })
+        MapStage::Host(Box::new(HostMap { pool, scene: None, stored, plan, grid }))
     }
 
     /// Takes over the scene and builds what an emission needs.

@@ -62,7 +62,7 @@ impl Map {
         self.directions.push(PhotonDirection { direction: random.direction() });
     }
 
-    pub fn len(&self) -> usize {
+    fn len(&self) -> usize {
         self.positions.len()
     }
 
