@@ -167,15 +167,17 @@ impl Plan {
     pub fn emitters(&self, paths: u32) -> Vec<Emitter> {
         let own = self.paths_of_lights(paths);
         let served = own.iter().zip(&self.counts).all(|(own, counts)| *own > 0 || counts[0] == 0);
-        let emitter = |((position, flux), (own, counts)): (&([f32; 3], DVec3), (&u64, &[u32; 3]))| {
-            let expected = f64::from(paths) * f64::from(counts[0]) / f64::from(1u32 << self.slots_log2);
-            let number = if served { *own as f64 } else { expected };
+        let mut emitters = Vec::new();
+        for (light, (position, flux)) in self.lights.iter().enumerate() {
+            let slots = self.counts[light][0];
+            let expected = f64::from(paths) * f64::from(slots) / f64::from(1u32 << self.slots_log2);
+            let number = if served { own[light] as f64 } else { expected };
             let largest = flux.max_element();
             let color = if largest > 0.0 { (*flux / largest).as_vec3() } else { Vec3::ZERO };
-            let power = if counts[0] == 0 { 0.0 } else { (largest / number) as f32 };
-            Emitter { position: *position, color: color.to_array(), power, ..Emitter::default() }
-        };
-        self.lights.iter().zip(own.iter().zip(&self.counts)).map(emitter).collect()
+            let power = if slots == 0 || paths == 0 { 0.0 } else { (largest / number) as f32 };
+            emitters.push(Emitter { position: *position, color: color.to_array(), power, ..Emitter::default() });
+        }
+        emitters
     }
 }
 

@@ -27,6 +27,7 @@ const FILES: &[(&str, &str)] = &[
     ("shared/walk.glsl", include_str!("../glsl/shared/walk.glsl")),
     ("probe.frag", include_str!("../glsl/probe.frag")),
     ("shim.cl", include_str!("../kernels/shim.cl")),
+    ("incoherent.cl", include_str!("../kernels/incoherent.cl")),
     ("trace.cl", include_str!("../kernels/trace.cl")),
     ("probe.cl", include_str!("../kernels/probe.cl")),
     ("scan.cl", include_str!("../kernels/scan.cl")),
@@ -38,7 +39,7 @@ const FILES: &[(&str, &str)] = &[
 
 /// Names that `plan --source` accepts: all that is compiled on its own.
 pub fn units() -> Vec<&'static str> {
-    let whole = |name: &str| !name.contains('/') && !name.starts_with("shim");
+    let whole = |name: &str| !name.contains('/') && !name.starts_with("shim") && name != "incoherent.cl";
     FILES.iter().map(|(name, _)| *name).filter(|name| whole(name)).collect()
 }
 
@@ -59,7 +60,13 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Options { lanes: 1, texture_width_log2: layout::TEXTURE_WIDTH_LOG2, defines: Vec::new(), inject: None, table: "objects" }
+        Options {
+            lanes: 1,
+            texture_width_log2: layout::TEXTURE_WIDTH_LOG2,
+            defines: Vec::new(),
+            inject: None,
+            table: "objects",
+        }
     }
 }
 
@@ -91,7 +98,8 @@ pub fn assemble(unit: &str, features: Option<&Features>, options: &Options) -> S
     }
     writeln!(header, "#define TEXTURE_WIDTH_LOG2 {}", options.texture_width_log2).expect("writing to a string");
     writeln!(header, "#define TEXTURE_WIDTH {}", 1u32 << options.texture_width_log2).expect("writing to a string");
-    let mut defines = features.map(|f| f.defines()).unwrap_or_default().into_iter().map(String::from).collect::<Vec<_>>();
+    let mut defines =
+        features.map(|f| f.defines()).unwrap_or_default().into_iter().map(String::from).collect::<Vec<_>>();
     defines.extend(options.defines.iter().cloned());
     for define in &defines {
         writeln!(header, "#define {define}").expect("writing to a string");

@@ -13,8 +13,7 @@ use crate::layout::Emitter;
 pub fn unit_circle(turn: u32) -> (f32, f32) {
     let a = (unit_real(turn << 2) - 0.5) * std::f32::consts::FRAC_PI_2;
     let a2 = a * a;
-    let sine =
-        a * (1.0 + a2 * (-0.166_666_67 + a2 * (8.333_333e-3 + a2 * (-1.984_127e-4 + a2 * 2.755_731_9e-6))));
+    let sine = a * (1.0 + a2 * (-0.166_666_67 + a2 * (8.333_333e-3 + a2 * (-1.984_127e-4 + a2 * 2.755_731_9e-6))));
     let cosine = 1.0 + a2 * (-0.5 + a2 * (4.166_666_7e-2 + a2 * (-1.388_888_9e-3 + a2 * 2.480_158_7e-5)));
     match turn >> 30 {
         0 => (cosine, sine),
@@ -143,8 +142,7 @@ pub fn scatter(scene: &SceneTables, photon: &Photon, surface: &Surface) -> Optio
     let kept = after + specular * before;
     let limit = if photon.bounce >= 16 && kept > 0.95 * before { 0.95 * before / kept } else { 1.0 };
     let chance = unit_real(number_u(photon.key, 0)) * before;
-    // `!(<)` and not `>=`: without power there is no order, and no photon goes on.
-    if !(chance < kept * limit) {
+    if chance >= kept * limit {
         return None;
     }
     let (height, turn) = match photon.bounce {

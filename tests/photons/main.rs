@@ -3,6 +3,7 @@
 mod device;
 mod energy;
 mod open_scene;
+mod speed;
 
 use photile::cpu::photons::{PhotonTables, photons};
 use photile::cpu::scene::SceneTables;
@@ -49,7 +50,9 @@ pub fn paths(number: u32) -> Emission {
 pub fn grey_box(albedo: f64) -> Case {
     let mut text = format!("[materials.grey]\ncolor = [{albedo}, {albedo}, {albedo}]\n");
     text += "[[lights]]\nposition = [0.3, 0.2, 0.1]\nintensity = [1, 1, 1]\n";
-    for (axis, offset) in [("1, 0, 0", 1), ("1, 0, 0", -1), ("0, 1, 0", 1), ("0, 1, 0", -1), ("0, 0, 1", 1), ("0, 0, 1", -1)] {
+    for (axis, offset) in
+        [("1, 0, 0", 1), ("1, 0, 0", -1), ("0, 1, 0", 1), ("0, 1, 0", -1), ("0, 0, 1", 1), ("0, 0, 1", -1)]
+    {
         text += &format!("[[planes]]\nnormal = [{axis}]\noffset = {offset}\nmaterial = \"grey\"\n");
     }
     Case::parse(&text)

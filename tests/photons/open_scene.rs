@@ -77,7 +77,10 @@ fn stored_fills_exactly_and_no_path_too_many() {
     let case = grey_box(0.5);
     for wanted in [1, 2, 100, 70_000] {
         let map = case.twin(&Emission { amount: Amount::Stored(wanted), ..paths(0) });
-        assert_eq!((map.len(), map.powers.len(), map.surfaces.len()), (wanted as usize, wanted as usize, wanted as usize));
+        assert_eq!(
+            (map.len(), map.powers.len(), map.surfaces.len()),
+            (wanted as usize, wanted as usize, wanted as usize)
+        );
         let one_less = case.twin(&paths(map.emitted - 1)).len();
         let enough = case.twin(&paths(map.emitted)).len();
         assert!(one_less < wanted as usize && wanted as usize <= enough, "{one_less} < {wanted} <= {enough}");
