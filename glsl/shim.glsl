@@ -69,6 +69,20 @@ vec3 texel(sampler2D table, int t) {
 // A plain list of numbers, three to a texel.
 #define LIST(name) uniform sampler2D name;
 #define ENTRY(list, i) TEXEL(list, (i) / 3)[(i) % 3]
+// Small scenes are uniforms (layout.rs says how small).
+#ifdef SCENE_IN_UNIFORMS
+#define SCENE_TABLE(name, texels) uniform vec3 name[texels];
+#define SCENE3(table, i, texels, t) table[(i) * (texels) + (t)]
+#define SCENE1(table, i, texels, t, channel) table[(i) * (texels) + (t)][channel]
+#else
+#define SCENE_TABLE(name, texels) TABLE(name)
+#define SCENE3 FETCH3
+#define SCENE1 FETCH1
+#endif
+#define SCENE3_SAME SCENE3
+#define SCENE1_SAME SCENE1
+#define SCENE3_SCALAR SCENE3
+#define SCENE1_SCALAR SCENE1
 #define PARAMS(name, texels) uniform vec3 name[texels];
 #define PARAM3(table, t) table[t]
 #define PARAM3_SCALAR PARAM3

@@ -8,6 +8,9 @@
 #include "shared/scene.glsl"
 #include "shared/bsdf.glsl"
 #include "shared/direct.glsl"
+#include "shared/kernel.glsl"
+#include "shared/cell.glsl"
+#include "shared/gather.glsl"
 #include "shared/pixel.glsl"
 
 out vec4 film;

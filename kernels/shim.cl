@@ -194,6 +194,13 @@ Uint fetch_u(__global const uint *table, Uint i) { return GATHER(Uint, table, i)
 #define TABLE(name)
 #define LIST(name)
 #define ENTRY(list, i) list[i]
+#define SCENE_TABLE(name, texels)
+#define SCENE3 FETCH3
+#define SCENE1 FETCH1
+#define SCENE3_SAME FETCH3_SAME
+#define SCENE1_SAME FETCH1_SAME
+#define SCENE3_SCALAR FETCH3_SCALAR
+#define SCENE1_SCALAR FETCH1_SCALAR
 #define PARAMS(name, texels)
 #define PARAM3(table, t) NATIVE3(vload3(t, table))
 #define PARAM3_SCALAR(table, t) vload3(t, table)

@@ -8,11 +8,13 @@
 #include "shared/scene.glsl"
 #include "shared/bsdf.glsl"
 #include "shared/direct.glsl"
+#include "shared/kernel.glsl"
+#include "shared/cell.glsl"
+#include "shared/gather.glsl"
 #include "shared/pixel.glsl"
 
 // Global size: blocks across × blocks down; film: packed RGB, row 0 = top.
-__kernel void trace(__global const float *frame, __global const float *objects, __global const float *lights,
-                    __global float *film, int width, int height) {
+__kernel void trace(SCENE_PARAMS __global float *film, int width, int height) {
     int column = (int)get_global_id(0) * LANE_COLUMNS;
     int row = (int)get_global_id(1) * LANE_ROWS;
     if (column >= width || row >= height) return;

@@ -18,8 +18,12 @@ impl Change {
     pub const GEOMETRY: Change = Change(8);
     /// Which code is needed: the permutation of the programs.
     pub const FEATURES: Change = Change(16);
+    /// How many photons, their seed or pass, or which of them are stored.
+    pub const PHOTONS: Change = Change(32);
+    /// How photons are gathered: radius, method, kernel, cells.
+    pub const GATHER: Change = Change(64);
     /// All of it: the first picture.
-    pub const ALL: Change = Change(31);
+    pub const ALL: Change = Change(127);
 
     /// Both sets together.
     pub fn and(self, other: Change) -> Change {
@@ -45,16 +49,30 @@ pub enum Stage {
     Compile,
     /// Scene records to the device.
     Upload,
+    /// Emission of photons.
+    Photons,
+    /// Photons into cells.
+    Grid,
+    /// Photon map to where it is gathered.
+    Textures,
     /// Primary rays, shading.
     Trace,
+}
+
+impl Stage {
+    /// In the pipeline's order.
+    pub const ALL: [Stage; 6] =
+        [Stage::Compile, Stage::Upload, Stage::Photons, Stage::Grid, Stage::Textures, Stage::Trace];
 }
 
 /// For each kind of change, the stages that it makes stale.
 const TABLE: &[(Change, &[Stage])] = &[
     (Change::FEATURES, &[Stage::Compile, Stage::Trace]),
-    (Change::GEOMETRY, &[Stage::Upload, Stage::Trace]),
-    (Change::MATERIALS, &[Stage::Upload, Stage::Trace]),
-    (Change::LIGHTS, &[Stage::Upload, Stage::Trace]),
+    (Change::GEOMETRY, &[Stage::Upload, Stage::Photons, Stage::Grid, Stage::Textures, Stage::Trace]),
+    (Change::MATERIALS, &[Stage::Upload, Stage::Photons, Stage::Grid, Stage::Textures, Stage::Trace]),
+    (Change::LIGHTS, &[Stage::Upload, Stage::Photons, Stage::Grid, Stage::Textures, Stage::Trace]),
+    (Change::PHOTONS, &[Stage::Photons, Stage::Grid, Stage::Textures, Stage::Trace]),
+    (Change::GATHER, &[Stage::Compile, Stage::Grid, Stage::Textures, Stage::Trace]),
     (Change::CAMERA, &[Stage::Trace]),
 ];
 

@@ -5,26 +5,7 @@ use glam::{DVec3, Vec3};
 use crate::error::{Error, Result};
 use crate::layout::{Emitter, PLANE};
 use crate::pack::Packed;
-
-/// How long emission goes on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Amount {
-    /// So many paths.
-    Paths(u32),
-    /// Until so many photons are stored, as the report's map of fixed size.
-    Stored(u32),
-}
-
-/// Where the numbers of emission and first bounce come from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Sampler {
-    /// Roberts' R₄ sequence.
-    #[default]
-    Sequence,
-    /// Hashes, as all later bounces.
-    Random,
-}
+pub use crate::settings::{Amount, Sampler};
 
 /// What one pass emits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

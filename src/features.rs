@@ -4,8 +4,9 @@
 
 use glam::DVec3;
 
+use crate::layout::{LIGHTS_IN_UNIFORMS, OBJECTS_IN_UNIFORMS};
 use crate::scene::{Plane, Scene};
-use crate::settings::Settings;
+use crate::settings::{LightMode, Settings};
 
 /// How many lights the code is made for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -37,6 +38,8 @@ pub struct Features {
     pub ambient: bool,
     /// One sample per pixel: no sampling pattern.
     pub one_sample: bool,
+    /// The scene's records fit into GL's uniforms; OpenCL has no use for it.
+    pub in_uniforms: bool,
 }
 
 /// One line of `photile plan`: a feature, whether it is used, and why.
@@ -65,7 +68,9 @@ impl Features {
         };
         let glossy = used_materials().filter(|m| m.specular > 0.0).count();
         let ambient = used_materials().filter(|m| m.ambient > 0.0 && m.color != DVec3::ZERO).count();
-        let lights = if spheres + planes == 0 { 0 } else { scene.lights.len() };
+        // Where photons carry all light, nothing is lit by shadow rays.
+        let photons_only = settings.light == LightMode::Photons;
+        let lights = if spheres + planes == 0 || photons_only { 0 } else { scene.lights.len() };
         let separating = if lights == 0 { 0 } else { separating_planes(scene).count() };
 
         let features = Features {
@@ -78,17 +83,29 @@ impl Features {
             },
             sphere_shadows: spheres > 0 && lights > 0,
             plane_shadows: separating > 0,
-            glossy: glossy > 0 && lights > 0,
+            glossy: glossy > 0 && !scene.lights.is_empty(),
             ambient: ambient > 0,
             one_sample: settings.samples == 1,
+            in_uniforms: spheres + planes <= OBJECTS_IN_UNIFORMS && scene.lights.len() <= LIGHTS_IN_UNIFORMS,
         };
         let reason = |feature, used, why| Reason { feature, used, why };
         let reasons = vec![
             reason("HAS_SPHERES", features.spheres, format!("{spheres} spheres")),
             reason("HAS_PLANES", features.planes, format!("{planes} planes")),
-            reason("HAS_LIGHTS", lights > 0, format!("{} lights, {} objects", scene.lights.len(), spheres + planes)),
+            reason(
+                "HAS_LIGHTS",
+                lights > 0,
+                match photons_only {
+                    true => "photons carry all light".into(),
+                    false => format!("{} lights, {} objects", scene.lights.len(), spheres + planes),
+                },
+            ),
             reason("ONE_LIGHT", lights == 1, format!("{lights} lights to loop over")),
-            reason("HAS_SPHERE_SHADOWS", features.sphere_shadows, format!("{spheres} spheres may block {lights} lights")),
+            reason(
+                "HAS_SPHERE_SHADOWS",
+                features.sphere_shadows,
+                format!("{spheres} spheres may block {lights} lights"),
+            ),
             reason(
                 "HAS_PLANE_SHADOWS",
                 features.plane_shadows,
@@ -97,6 +114,13 @@ impl Features {
             reason("HAS_GLOSSY", features.glossy, format!("{glossy} objects with specular > 0")),
             reason("HAS_AMBIENT", features.ambient, format!("{ambient} objects with ambient > 0")),
             reason("ONE_SAMPLE", features.one_sample, format!("{} samples per pixel", settings.samples)),
+            reason(
+                "SCENE_IN_UNIFORMS",
+                features.in_uniforms,
+                format!(
+                    "up to {OBJECTS_IN_UNIFORMS} objects and {LIGHTS_IN_UNIFORMS} lights need no texture in OpenGL"
+                ),
+            ),
         ];
         (features, reasons)
     }
@@ -120,39 +144,48 @@ impl Features {
         add(self.glossy, "HAS_GLOSSY");
         add(self.ambient, "HAS_AMBIENT");
         add(self.one_sample, "ONE_SAMPLE");
+        add(self.in_uniforms, "SCENE_IN_UNIFORMS");
         defines
     }
 
     /// Every permutation that some scene and settings lead to; a test compiles them all.
     pub fn reachable() -> Vec<Features> {
-        let all = [false, true];
+        const GEOMETRIES: [(bool, bool); 4] = [(false, false), (true, false), (false, true), (true, true)];
         let mut reachable = Vec::new();
-        for (spheres, planes) in [(false, false), (true, false), (false, true), (true, true)] {
+        for (spheres, planes) in GEOMETRIES {
             for lights in [Lights::None, Lights::One, Lights::Many] {
-                for (plane_shadows, glossy) in all.into_iter().flat_map(|a| all.map(|b| (a, b))) {
-                    for (ambient, one_sample) in all.into_iter().flat_map(|a| all.map(|b| (a, b))) {
-                        let objects = spheres || planes;
-                        let lit = lights != Lights::None;
-                        if (!objects && (lit || ambient)) || (!lit && glossy) || (plane_shadows && !(planes && lit)) {
-                            continue;
-                        }
-                        let sphere_shadows = spheres && lit;
-                        reachable.push(Features {
-                            spheres,
-                            planes,
-                            lights,
-                            sphere_shadows,
-                            plane_shadows,
-                            glossy,
-                            ambient,
-                            one_sample,
-                        });
+                // The five flags that are left, as the bits of a number.
+                for bits in 0..1 << 5 {
+                    let flag = |bit: u32| bits >> bit & 1 == 1;
+                    let lit = lights != Lights::None;
+                    let features = Features {
+                        spheres,
+                        planes,
+                        lights,
+                        sphere_shadows: spheres && lit,
+                        plane_shadows: flag(0),
+                        glossy: flag(1),
+                        ambient: flag(2),
+                        one_sample: flag(3),
+                        in_uniforms: flag(4),
+                    };
+                    let empty = !spheres && !planes;
+                    let impossible = empty && (lit || features.ambient || !features.in_uniforms)
+                        || features.glossy && empty
+                        || features.plane_shadows && !(planes && lit);
+                    if !impossible {
+                        reachable.push(features);
                     }
                 }
             }
         }
         reachable
     }
+}
+
+/// Whether some plane keeps camera and lights apart, so that photons may lie on both sides of it.
+pub fn is_divided(scene: &Scene) -> bool {
+    separating_planes(scene).next().is_some()
 }
 
 /// Planes that have the camera on one side and some light on the other, or either of them within rounding of the

@@ -54,28 +54,13 @@ pub struct SaveOptions<'a> {
 impl Image {
     /// A black image.
     pub fn new(width: u32, height: u32) -> Image {
-        Image {
-            width,
-            height,
-            pixels: vec![[0.0; 3]; width as usize * height as usize],
-        }
+        Image { width, height, pixels: vec![[0.0; 3]; width as usize * height as usize] }
     }
 
     /// Pixels that `radiance(x, y)` gives, y counted from the top.
-    pub fn from_fn(
-        width: u32,
-        height: u32,
-        mut radiance: impl FnMut(u32, u32) -> [f32; 3],
-    ) -> Image {
-        let pixels = (0..height)
-            .flat_map(|y| (0..width).map(move |x| (x, y)))
-            .map(|(x, y)| radiance(x, y))
-            .collect();
-        Image {
-            width,
-            height,
-            pixels,
-        }
+    pub fn from_fn(width: u32, height: u32, mut radiance: impl FnMut(u32, u32) -> [f32; 3]) -> Image {
+        let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| radiance(x, y)).collect();
+        Image { width, height, pixels }
     }
 
     /// Takes rows from the top.
@@ -83,11 +68,7 @@ impl Image {
     /// # Errors
     /// [`Error::Failed`] where there are not `width · height` pixels, or none.
     pub fn from_pixels(width: u32, height: u32, pixels: Vec<[f32; 3]>) -> Result<Image> {
-        let image = Image {
-            width,
-            height,
-            pixels,
-        };
+        let image = Image { width, height, pixels };
         image.check_shape()?;
         Ok(image)
     }
@@ -97,12 +78,7 @@ impl Image {
     /// # Panics
     /// Outside the image.
     pub fn at(&self, x: u32, y: u32) -> [f32; 3] {
-        assert!(
-            x < self.width && y < self.height,
-            "pixel ({x}, {y}) of a {}x{} image",
-            self.width,
-            self.height
-        );
+        assert!(x < self.width && y < self.height, "pixel ({x}, {y}) of a {}x{} image", self.width, self.height);
         self.pixels[y as usize * self.width as usize + x as usize]
     }
 
@@ -126,10 +102,7 @@ impl Image {
     pub fn to_rgb8(&self, exposure: f32) -> Vec<u8> {
         let scale = exposure.exp2();
         let step = |radiance: f32| (display_value(radiance * scale) * 255.0).round() as u8;
-        self.pixels
-            .iter()
-            .flat_map(|pixel| pixel.map(step))
-            .collect()
+        self.pixels.iter().flat_map(|pixel| pixel.map(step)).collect()
     }
 
     /// Writes the image beside `path`, then renames it to `path`: the file is whole, the old one, or not there.
@@ -142,11 +115,7 @@ impl Image {
         self.check_shape()?;
         let bad = self.non_finite();
         if bad > 0 {
-            let first = self
-                .pixels
-                .iter()
-                .position(|pixel| !is_finite(pixel))
-                .unwrap_or(0);
+            let first = self.pixels.iter().position(|pixel| !is_finite(pixel)).unwrap_or(0);
             let (x, y) = (first % self.width as usize, first / self.width as usize);
             return Err(Error::Failed(format!(
                 "{}: not written: {bad} of {} pixels are NaN or infinite, the first at column {x}, row {y}: {:?}",
@@ -156,10 +125,7 @@ impl Image {
             )));
         }
         if !options.exposure.is_finite() {
-            return Err(Error::Usage(format!(
-                "exposure {}: expected a finite number",
-                options.exposure
-            )));
+            return Err(Error::Usage(format!("exposure {}: expected a finite number", options.exposure)));
         }
         match format {
             Format::Png => write_beside(path, |file| png_file::write(self, options.exposure, file)),
@@ -180,10 +146,7 @@ impl Image {
         match bytes.as_slice() {
             [0x76, 0x2f, 0x31, 0x01, ..] => Ok(exr_file::read(path, &bytes)?.image),
             [0x89, b'P', b'N', b'G', ..] => png_file::read(path, &bytes),
-            [] => Err(unreadable(
-                path,
-                "the file is empty, expected a PNG or an EXR image",
-            )),
+            [] => Err(unreadable(path, "the file is empty, expected a PNG or an EXR image")),
             _ => Err(unreadable(path, "neither a PNG nor an EXR image")),
         }
     }
@@ -206,17 +169,10 @@ impl Image {
 
     /// The public fields can be set apart from each other, so every way out checks them.
     fn check_shape(&self) -> Result<()> {
-        if !self.pixels.is_empty()
-            && self.pixels.len() == self.width as usize * self.height as usize
-        {
+        if !self.pixels.is_empty() && self.pixels.len() == self.width as usize * self.height as usize {
             return Ok(());
         }
-        Err(Error::Failed(format!(
-            "a {}x{} image with {} pixels",
-            self.width,
-            self.height,
-            self.pixels.len()
-        )))
+        Err(Error::Failed(format!("a {}x{} image with {} pixels", self.width, self.height, self.pixels.len())))
     }
 }
 
@@ -224,20 +180,12 @@ impl Image {
 pub fn display_value(linear: f32) -> f32 {
     // max drops a NaN, which clamp would keep.
     let linear = linear.max(0.0).clamp(0.0, 1.0);
-    if linear <= 0.003_130_8 {
-        12.92 * linear
-    } else {
-        1.055 * linear.powf(1.0 / 2.4) - 0.055
-    }
+    if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
 /// Linear value of an sRGB display value in [0, 1]: the inverse of [`display_value`].
 pub fn linear_value(display: f32) -> f32 {
-    if display <= 0.040_45 {
-        display / 12.92
-    } else {
-        ((display + 0.055) / 1.055).powf(2.4)
-    }
+    if display <= 0.040_45 { display / 12.92 } else { ((display + 0.055) / 1.055).powf(2.4) }
 }
 
 fn is_finite(pixel: &[f32; 3]) -> bool {
@@ -254,10 +202,7 @@ fn check_pixel_count(path: &Path, width: u64, height: u64) -> Result<()> {
     if width.saturating_mul(height) <= MAX_PIXELS {
         return Ok(());
     }
-    Err(unreadable(
-        path,
-        format!("{width}x{height} pixels, expected at most {MAX_PIXELS} in all"),
-    ))
+    Err(unreadable(path, format!("{width}x{height} pixels, expected at most {MAX_PIXELS} in all")))
 }
 
 #[cfg(test)]

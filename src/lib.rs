@@ -16,6 +16,7 @@
 pub mod cli;
 
 pub mod pipeline;
+pub mod radius;
 pub mod validate;
 
 pub mod stage;
@@ -24,10 +25,12 @@ pub mod cl;
 pub mod cpu;
 pub mod gl;
 
+pub mod cells;
 pub mod change;
 pub mod emission;
 pub mod features;
 pub mod film;
+pub mod gathering;
 pub mod metrics;
 pub mod pack;
 pub mod source;

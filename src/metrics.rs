@@ -74,13 +74,7 @@ pub struct Settings {
 impl Default for Settings {
     fn default() -> Settings {
         // 1e-5: what float32 code of another compiler may differ by after a few dozen operations (an ulp is 6e-8).
-        Settings {
-            tolerance: Within {
-                abs: 1e-5,
-                rel: 1e-5,
-            },
-            exposure: 0.0,
-        }
+        Settings { tolerance: Within { abs: 1e-5, rel: 1e-5 }, exposure: 0.0 }
     }
 }
 
@@ -98,42 +92,18 @@ pub fn measure(image: &Image, reference: &Image, settings: &Settings) -> Result<
 /// # Errors
 /// [`Error::Usage`] for images of different size; [`Error::Failed`] for a mask of another size, or one that leaves no
 /// pixel (which would otherwise pass every bound).
-pub fn measure_except(
-    image: &Image,
-    reference: &Image,
-    excluded: &Mask,
-    settings: &Settings,
-) -> Result<Metrics> {
+pub fn measure_except(image: &Image, reference: &Image, excluded: &Mask, settings: &Settings) -> Result<Metrics> {
     image.check_same_size(reference)?;
     if excluded.len() != image.pixels.len() {
-        return Err(Error::Failed(format!(
-            "a mask of {} for {} pixels",
-            excluded.len(),
-            image.pixels.len()
-        )));
+        return Err(Error::Failed(format!("a mask of {} for {} pixels", excluded.len(), image.pixels.len())));
     }
     let pairs = image.pixels.iter().zip(&reference.pixels);
-    sum_up(
-        pairs
-            .zip(excluded)
-            .filter(|(_, excluded)| !**excluded)
-            .map(|(pair, _)| pair),
-        settings,
-    )
+    sum_up(pairs.zip(excluded).filter(|(_, excluded)| !**excluded).map(|(pair, _)| pair), settings)
 }
 
-fn sum_up<'a>(
-    pairs: impl Iterator<Item = (&'a [f32; 3], &'a [f32; 3])>,
-    settings: &Settings,
-) -> Result<Metrics> {
+fn sum_up<'a>(pairs: impl Iterator<Item = (&'a [f32; 3], &'a [f32; 3])>, settings: &Settings) -> Result<Metrics> {
     let scale = settings.exposure.exp2();
-    let [
-        mut squares,
-        mut absolutes,
-        mut relative_squares,
-        mut symmetric,
-        mut display_squares,
-    ] = [0.0f64; 5];
+    let [mut squares, mut absolutes, mut relative_squares, mut symmetric, mut display_squares] = [0.0f64; 5];
     let [mut pixels, mut pixels_over, mut non_finite] = [0usize; 3];
     let mut max_abs = 0.0f64;
     for (x, r) in pairs {
@@ -151,35 +121,21 @@ fn sum_up<'a>(
             squares += error * error;
             absolutes += error;
             relative_squares += error * error / (r * r + 0.01); // 0.01: a radiance of 0.1 and below is dark
-            symmetric += if error > 0.0 {
-                2.0 * error / (x.abs() + r.abs())
-            } else {
-                0.0
-            };
+            symmetric += if error > 0.0 { 2.0 * error / (x.abs() + r.abs()) } else { 0.0 };
             max_abs = max_abs.max(error);
         }
     }
     if pixels == 0 {
-        return Err(Error::Failed(
-            "no pixel is left to compare: all are excluded".to_owned(),
-        ));
+        return Err(Error::Failed("no pixel is left to compare: all are excluded".to_owned()));
     }
     let samples = 3.0 * pixels as f64;
     let mean = |sum: f64| {
-        if non_finite == 0 {
-            sum / samples
-        } else {
-            f64::INFINITY
-        }
+        if non_finite == 0 { sum / samples } else { f64::INFINITY }
     };
     Ok(Metrics {
         rmse: mean(squares).sqrt(),
         mae: mean(absolutes),
-        max_abs: if non_finite == 0 {
-            max_abs
-        } else {
-            f64::INFINITY
-        },
+        max_abs: if non_finite == 0 { max_abs } else { f64::INFINITY },
         rel_mse: mean(relative_squares),
         smape: mean(symmetric),
         psnr: -10.0 * mean(display_squares).log10(),

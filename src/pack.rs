@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::layout::{Frame, Glass, Light, Object, PLANE, SPHERE};
+use crate::layout::{Frame, Glass, LIGHTS_IN_UNIFORMS, Light, OBJECTS_IN_UNIFORMS, Object, PLANE, SPHERE};
 use crate::scene::{Camera, Scene};
 use crate::settings::Settings;
 
@@ -44,9 +44,10 @@ impl Packed {
             .spheres
             .iter()
             .map(|s| object((s.center - origin).as_vec3().to_array(), s.radius, SPHERE, s.material));
-        let planes = scene.planes.iter().map(|p| {
-            object(p.normal.as_vec3().to_array(), p.offset - p.normal.dot(origin), PLANE, p.material)
-        });
+        let planes = scene
+            .planes
+            .iter()
+            .map(|p| object(p.normal.as_vec3().to_array(), p.offset - p.normal.dot(origin), PLANE, p.material));
         let materials = scene.spheres.iter().map(|s| s.material).chain(scene.planes.iter().map(|p| p.material));
         let glass = |m: usize| {
             let material = &scene.materials[m];
@@ -67,6 +68,11 @@ impl Packed {
                 .collect(),
             glasses: if has_glass { materials.map(glass).collect() } else { Vec::new() },
         }
+    }
+
+    /// Whether the records fit into GL's uniforms (see [`OBJECTS_IN_UNIFORMS`]).
+    pub fn in_uniforms(&self) -> bool {
+        self.objects.len() <= OBJECTS_IN_UNIFORMS && self.lights.len() <= LIGHTS_IN_UNIFORMS
     }
 
     /// How many of the objects are planes.

@@ -3,16 +3,23 @@
 use std::rc::Rc;
 use std::time::Instant;
 
+use crate::cells::{CellSize, Form};
 use crate::change::{Change, Stage, is_stale};
 use crate::cl;
+use crate::cpu::scene::SceneTables;
+use crate::emission::Emission;
 use crate::error::{Error, Result};
-use crate::features::Features;
+use crate::features::{Features, is_divided};
 use crate::film::Image;
+use crate::gathering::Gathering;
 use crate::gl::Headless;
 use crate::pack::Packed;
+use crate::radius;
 use crate::scene::Scene;
-use crate::settings::{Backend, Settings};
-use crate::stage::trace::{ClTrace, CpuTrace, GlTrace, Trace};
+use crate::settings::{Backend, LightMode, Settings};
+use crate::stage::grid::Wanted;
+use crate::stage::map::{MapCounts, MapStage};
+use crate::stage::trace::{ClTrace, CpuTrace, GlTrace, Permutation, Trace};
 
 /// Where a picture shall be made.
 #[derive(Clone, Debug)]
@@ -36,9 +43,13 @@ impl Default for Machine {
 pub struct Times {
     /// Building programs.
     pub compile: f64,
-    /// Scene records to the device.
+    /// Emission of photons.
+    pub emit: f64,
+    /// Photons into cells.
+    pub grid: f64,
+    /// Scene records, and the photon map, to where they are read.
     pub upload: f64,
-    /// Rays, shading.
+    /// Rays, shading, gathering.
     pub trace: f64,
     /// Film to the host.
     pub readback: f64,
@@ -63,6 +74,12 @@ pub struct Rendering {
     pub times: Times,
     /// Stages that had nothing to do.
     pub skipped: Vec<Stage>,
+    /// The photon map, where there is one.
+    pub photons: Option<MapCounts>,
+    /// Gather radius, metres, where there are photons.
+    pub radius: Option<f32>,
+    /// Tables of the photon map that were moved for this picture.
+    pub uploads: u64,
 }
 
 /// What the device holds, and what it was made from.
@@ -71,12 +88,16 @@ struct Last {
     settings: Settings,
     features: Features,
     packed: Packed,
+    photons: Option<MapCounts>,
+    /// R and whether the grid is hashed.
+    grid: (f32, bool),
 }
 
 /// A backend with a scene on it.
 pub struct Pipeline {
     // Declared before `context`, so that GL objects go before their context.
     tracer: Box<dyn Trace>,
+    map: MapStage,
     _context: Option<Headless>,
     /// What was chosen.
     pub backend: Backend,
@@ -91,37 +112,50 @@ impl Pipeline {
     /// # Errors
     /// [`Error::Driver`] when the backend that was asked for is not there.
     pub fn open(machine: &Machine, mut notice: impl FnMut(&str)) -> Result<Pipeline> {
-        let Some(backend) = machine.backend else {
-            for (backend, next) in [(Backend::OpenGl, "OpenCL"), (Backend::OpenCl, "the CPU")] {
-                match Pipeline::open_on(backend, machine, &mut notice) {
-                    Ok(pipeline) => return Ok(pipeline),
-                    Err(error) => notice(&format!("falling back from {} to {next}: {error}", backend.name())),
-                }
+        if let Some(backend) = machine.backend {
+            return Pipeline::open_on(backend, machine, &mut notice);
+        }
+        for (backend, next) in [(Backend::OpenGl, "OpenCL"), (Backend::OpenCl, "the CPU")] {
+            match Pipeline::open_on(backend, machine, &mut notice) {
+                Ok(pipeline) => return Ok(pipeline),
+                Err(error) => notice(&format!("falling back from {} to {next}: {error}", backend.name())),
             }
-            return Pipeline::open_on(Backend::Cpu, machine, &mut notice);
-        };
-        Pipeline::open_on(backend, machine, &mut notice)
+        }
+        Pipeline::open_on(Backend::Cpu, machine, &mut notice)
     }
 
     fn open_on(backend: Backend, machine: &Machine, notice: &mut dyn FnMut(&str)) -> Result<Pipeline> {
         let mut devices = Devices::default();
         let mut context = None;
-        let tracer: Box<dyn Trace> = match backend {
+        let (tracer, map): (Box<dyn Trace>, MapStage) = match backend {
             Backend::OpenGl => {
                 let headless = Headless::new()?;
                 devices.opengl = Some(format!("{} ({})", headless.renderer, headless.route));
                 let tracer = GlTrace::new(&headless.gl)?;
                 context = Some(headless);
-                Box::new(tracer)
+                let map = match open_device(machine.device.as_deref(), notice) {
+                    Ok(opened) => {
+                        devices.opencl = Some(opened.device.name.clone());
+                        MapStage::on_device(Rc::new(opened))?
+                    }
+                    Err(error) => {
+                        notice(&format!("photons come from the CPU: {error}"));
+                        MapStage::on_host(threads(machine)?)
+                    }
+                };
+                (Box::new(tracer), map)
             }
             Backend::OpenCl => {
-                let opened = open_device(machine.device.as_deref(), notice)?;
+                let opened = Rc::new(open_device(machine.device.as_deref(), notice)?);
                 devices.opencl = Some(opened.device.name.clone());
-                Box::new(ClTrace::new(Rc::new(opened))?)
+                (Box::new(ClTrace::new(Rc::clone(&opened))?), MapStage::on_device(opened)?)
             }
-            Backend::Cpu => Box::new(CpuTrace::new(machine.threads)?),
+            Backend::Cpu => {
+                let pool = threads(machine)?;
+                (Box::new(CpuTrace::new(Rc::clone(&pool))), MapStage::on_host(pool))
+            }
         };
-        Ok(Pipeline { tracer, _context: context, backend, devices, last: None })
+        Ok(Pipeline { tracer, map, _context: context, backend, devices, last: None })
     }
 
     /// Renders a picture, redoing only what changed since the last one.
@@ -131,43 +165,81 @@ impl Pipeline {
     pub fn render(&mut self, scene: &Scene, settings: &Settings) -> Result<Rendering> {
         let start = Instant::now();
         let mut times = Times::default();
-        let mut skipped = Vec::new();
         let change = self.change(scene, settings);
+        let features = Features::of(scene, settings);
+        let stale = |stage| is_stale(stage, change);
+        // Without lights or objects, or with direct light only, there is nothing to store.
+        let wants_photons =
+            settings.light != LightMode::Direct && !scene.lights.is_empty() && features.spheres | features.planes;
 
         // The first camera's place stays the origin: a moving camera must not repack the scene.
-        let origin = self.last.as_ref().map_or(scene.camera.position, |last| last.packed.origin);
-        let features = Features::of(scene, settings);
-
+        let last = self.last.take();
+        let origin = last.as_ref().map_or(scene.camera.position, |last| last.packed.origin);
         let mut lap = Lap::new();
-        if is_stale(Stage::Compile, change) {
-            self.tracer.compile(&features)?;
-            times.compile = lap.ms();
-        } else {
-            skipped.push(Stage::Compile);
-        }
-        let packed = match self.last.take() {
-            Some(last) if !is_stale(Stage::Upload, change) => {
-                skipped.push(Stage::Upload);
-                last.packed
-            }
+        let (packed, mut photons, mut grid) = match last {
+            Some(last) if !stale(Stage::Upload) => (last.packed, last.photons, last.grid),
             _ => {
                 let packed = Packed::new(scene, origin);
                 self.tracer.upload(&packed)?;
-                times.upload = lap.ms();
-                packed
+                (packed, None, (0.0, false))
             }
         };
-        if is_stale(Stage::Trace, change) {
-            self.tracer.trace(&packed.frame(&scene.camera, settings))?;
-            times.trace = lap.ms();
-        } else {
-            skipped.push(Stage::Trace);
+        times.upload = lap.ms();
+
+        let frame = packed.frame(&scene.camera, settings);
+        let mut gathering = None;
+        let mut uploads = 0;
+        if wants_photons {
+            if stale(Stage::Photons) {
+                let emission = emission(settings);
+                self.map.upload(&packed, &features, &emission)?;
+                times.compile += lap.ms();
+                photons = Some(self.map.emit(&emission)?);
+                times.emit = lap.ms();
+            }
+            if stale(Stage::Grid) {
+                let tables = SceneTables::new(&packed, &features);
+                let stored = photons.map_or(0, |counts| counts.stored);
+                let radius = match settings.gather.radius {
+                    Some(radius) => radius,
+                    None => radius::choose(&tables, &frame, &self.map.sample(radius::SAMPLE)?, stored),
+                };
+                let size = settings.gather.cells.map_or(CellSize::Auto, CellSize::Counts);
+                let nearest = settings.gather.nearest;
+                grid = (radius, self.map.sort(&Wanted { radius, size, form: Form::Auto, nearest })?);
+                times.grid = lap.ms();
+            }
+            gathering = Some(Gathering {
+                method: settings.gather.method,
+                kernel: settings.gather.kernel,
+                hashed: grid.1,
+                ..Gathering::of(&packed.objects, packed.sphere_count, is_divided(scene))
+            });
         }
-        self.last = Some(Last { scene: scene.clone(), settings: settings.clone(), features, packed });
+        if stale(Stage::Compile) || stale(Stage::Grid) {
+            // A new map may take the grid's other form; what was built before is found again.
+            self.tracer.compile(&Permutation { features, gathering })?;
+            times.compile += lap.ms();
+        }
+        let view = if wants_photons { self.map.view() } else { None };
+        if let (true, Some(view), Some(gathering)) = (stale(Stage::Textures), &view, &gathering) {
+            uploads = self.tracer.upload_map(view, gathering)?;
+            times.upload += lap.ms();
+        }
+        if stale(Stage::Trace) {
+            self.tracer.trace(&frame, view.as_ref())?;
+            times.trace = lap.ms();
+        }
         let image = self.tracer.read()?;
         times.readback = lap.ms();
         times.total = start.elapsed().as_secs_f64() * 1e3;
-        Ok(Rendering { image, times, skipped })
+
+        let of_photons = [Stage::Photons, Stage::Grid, Stage::Textures];
+        let done = |stage: &Stage| stale(*stage) && (wants_photons || !of_photons.contains(stage));
+        let skipped = Stage::ALL.into_iter().filter(|stage| !done(stage)).collect();
+        let radius = wants_photons.then_some(grid.0);
+        self.last = Some(Last { scene: scene.clone(), settings: settings.clone(), features, packed, photons, grid });
+        Ok(Rendering { image, times, skipped, photons, radius, uploads })
     }
 
     /// Traces the same picture again and tells the milliseconds it took: for timings, apart from all else.
@@ -179,26 +251,42 @@ impl Pipeline {
             self.render(scene, settings)?;
         }
         let Some(last) = &self.last else { return Ok(0.0) };
+        let view = last.photons.and_then(|_| self.map.view());
         let mut lap = Lap::new();
-        self.tracer.trace(&last.packed.frame(&scene.camera, settings))?;
+        self.tracer.trace(&last.packed.frame(&scene.camera, settings), view.as_ref())?;
         Ok(lap.ms())
     }
 
     /// Bytes held on the device.
     pub fn bytes(&self) -> usize {
-        self.tracer.bytes()
+        self.tracer.bytes() + self.map.bytes()
     }
 
     /// What changed since the last picture.
     fn change(&self, scene: &Scene, settings: &Settings) -> Change {
         let Some(last) = &self.last else { return Change::ALL };
-        let before = &last.scene;
+        let (before, was) = (&last.scene, &last.settings);
+        let size = |s: &Settings| (s.width, s.height, s.samples, s.first_sample, s.seed);
+        let emitted = |s: &Settings| (s.photons, s.seed, s.light);
         Change::CAMERA
-            .when(before.camera != scene.camera || last.settings != *settings)
+            .when(before.camera != scene.camera || size(was) != size(settings))
             .and(Change::LIGHTS.when(before.lights != scene.lights))
             .and(Change::MATERIALS.when(before.materials != scene.materials))
             .and(Change::GEOMETRY.when(before.spheres != scene.spheres || before.planes != scene.planes))
+            .and(Change::PHOTONS.when(emitted(was) != emitted(settings)))
+            .and(Change::GATHER.when(was.gather != settings.gather))
             .and(Change::FEATURES.when(last.features != Features::of(scene, settings)))
+    }
+}
+
+/// What one pass emits at these settings.
+fn emission(settings: &Settings) -> Emission {
+    Emission {
+        amount: settings.photons.amount,
+        seed: settings.seed,
+        pass: settings.photons.pass,
+        sampler: settings.photons.sampler,
+        store_direct: settings.light == LightMode::Photons,
     }
 }
 
@@ -215,6 +303,13 @@ impl Lap {
         let elapsed = now - std::mem::replace(&mut self.0, now);
         elapsed.as_secs_f64() * 1e3
     }
+}
+
+/// The pool that the twins run on.
+fn threads(machine: &Machine) -> Result<Rc<rayon::ThreadPool>> {
+    let threads = machine.threads;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    pool.map(Rc::new).map_err(|error| Error::Device(format!("{threads} threads: {error}")))
 }
 
 /// The first OpenCL device that builds a kernel; one that cannot is reported and passed over.

@@ -39,6 +39,70 @@ impl Backend {
     }
 }
 
+/// How the photons around a point are found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Method {
+    /// The cells around the point.
+    #[default]
+    Grid,
+    /// The k nearest of them within R; the distance to the next one is the radius.
+    Knn,
+    /// All photons of the map: the truth for tests.
+    Brute,
+}
+
+/// The kernel K of the density estimate; each integrates to 1 over the unit disc.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum DensityKernel {
+    /// 1/π.
+    Constant,
+    /// 2/π · (1 − t²): the least variance for its bias (Epanechnikov 1969).
+    #[default]
+    Epanechnikov,
+    /// 3/π · (1 − t) (Jensen 1996).
+    Cone,
+    /// 3/π · (1 − t²)²: smooth at its rim.
+    Biweight,
+}
+
+impl DensityKernel {
+    /// All of them.
+    pub const ALL: [DensityKernel; 4] =
+        [DensityKernel::Constant, DensityKernel::Epanechnikov, DensityKernel::Cone, DensityKernel::Biweight];
+
+    /// As shaders know it.
+    pub fn define(self) -> &'static str {
+        match self {
+            DensityKernel::Constant => "KERNEL_CONSTANT",
+            DensityKernel::Epanechnikov => "KERNEL_EPANECHNIKOV",
+            DensityKernel::Cone => "KERNEL_CONE",
+            DensityKernel::Biweight => "KERNEL_BIWEIGHT",
+        }
+    }
+}
+
+/// How long emission goes on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Amount {
+    /// So many paths.
+    Paths(u32),
+    /// Until so many photons are stored, as the report's map of fixed size.
+    Stored(u32),
+}
+
+/// Where the numbers of emission and first bounce come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Sampler {
+    /// Roberts' R₄ sequence.
+    #[default]
+    Sequence,
+    /// Hashes, as all later bounces.
+    Random,
+}
+
 /// Settings of one picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
@@ -54,10 +118,55 @@ pub struct Settings {
     pub seed: u32,
     /// Who carries direct light.
     pub light: LightMode,
+    /// How many photons.
+    pub photons: Photons,
+    /// How they become radiance.
+    pub gather: Gather,
+}
+
+/// Settings of the photon map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Photons {
+    /// How long a pass emits.
+    pub amount: Amount,
+    /// Number of the pass: keys its random numbers.
+    pub pass: u32,
+    /// Where emission's first numbers come from.
+    pub sampler: Sampler,
+}
+
+/// Settings of the gathering.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gather {
+    /// How photons are found.
+    pub method: Method,
+    /// How they are weighed.
+    pub kernel: DensityKernel,
+    /// R, metres; `None`: chosen from the scene and the number of photons.
+    pub radius: Option<f32>,
+    /// k of the k nearest.
+    pub nearest: u32,
+    /// Cells along x, y, z of the photons' box; `None`: cells in proportion to R.
+    pub cells: Option<[u32; 3]>,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Settings { width: 640, height: 480, samples: 1, first_sample: 0, seed: 0, light: LightMode::default() }
+        Settings {
+            width: 640,
+            height: 480,
+            samples: 1,
+            first_sample: 0,
+            seed: 0,
+            light: LightMode::default(),
+            photons: Photons { amount: Amount::Paths(200_000), pass: 0, sampler: Sampler::default() },
+            gather: Gather {
+                method: Method::default(),
+                kernel: DensityKernel::default(),
+                radius: None,
+                nearest: 50,
+                cells: None,
+            },
+        }
     }
 }

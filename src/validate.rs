@@ -15,6 +15,8 @@ pub enum Path {
     GlFetch,
     /// OpenGL, a GL_NEAREST sample at the texel's centre.
     GlSample,
+    /// OpenGL, uniforms.
+    GlUniform,
     /// OpenCL, each lane its own record.
     ClEach,
     /// OpenCL, one record for all lanes.
@@ -38,8 +40,11 @@ pub struct Check {
     pub wrong: Option<String>,
 }
 
+/// The define of small scenes, see [`crate::layout::OBJECTS_IN_UNIFORMS`].
+const IN_UNIFORMS: &str = "SCENE_IN_UNIFORMS";
+
 /// Counts that wrap, fill and overflow rows, and a million for real.
-pub const COUNTS: [usize; 7] = [0, 1, 255, 256, 257, 65_537, 1_000_003];
+pub const COUNTS: [usize; 8] = [0, 1, 16, 255, 256, 257, 65_537, 1_000_003];
 
 /// Where fields can be read: each device is optional, but somebody must be there.
 #[derive(Default)]
@@ -102,9 +107,15 @@ fn check_one(
             &[11, 12]
         };
         for &width_log2 in widths.iter().take(if first > 0 { 1 } else { widths.len() }) {
-            let mut ways = vec![(Path::GlFetch, Vec::new()), (Path::GlSample, vec!["SAMPLED".to_string()])];
-            ways.truncate(if record.single { 1 } else { 2 });
-            for (path, defines) in ways {
+            for path in [Path::GlFetch, Path::GlSample, Path::GlUniform] {
+                let define = match path {
+                    Path::GlUniform if record.single => "SINGLE",
+                    Path::GlUniform if count <= record.in_uniforms && width_log2 == widths[0] => IN_UNIFORMS,
+                    Path::GlFetch if !record.single => "FETCHED",
+                    Path::GlSample if !record.single => "SAMPLED",
+                    _ => continue,
+                };
+                let defines = vec![define.to_string()];
                 let options = Options { texture_width_log2: width_log2, defines, ..options.clone() };
                 let source = assemble("validate.frag", None, &options);
                 let found = read_gl(headless, record, &source, width_log2, floats, first)?;
@@ -145,9 +156,10 @@ fn read_gl(
     let target = Target::new(&headless.gl, columns as u32, count.div_ceil(columns) as u32, true)?;
     let mut table = TableTexture::new(&headless.gl, width_log2)?;
     let program = Program::new(&headless.gl, source)?;
-    program.activate(&[record.table]);
-    if record.single {
-        program.set_single(record.table, bytemuck::cast_slice(floats));
+    let uniforms = record.single || source.permutation.contains(IN_UNIFORMS);
+    program.activate(if uniforms { &[] } else { std::slice::from_ref(&record.table) });
+    if uniforms {
+        program.set_texels(record.table, bytemuck::cast_slice(floats));
     } else {
         table.fill_texels(floats)?;
         table.bind(0);
@@ -228,7 +240,7 @@ fn pattern(floats: usize, salt: u32) -> Vec<u32> {
         -0.0,
         f32::MIN_POSITIVE,
         -f32::MIN_POSITIVE,
-        f32::from_bits(1),           // the smallest denormal
+        f32::from_bits(1),            // the smallest denormal
         -f32::from_bits(0x007f_ffff), // the largest
         f32::MAX,
         f32::MIN,

@@ -4,11 +4,15 @@
 // Lanes of one work-item are neighbouring pixels. They walk together over the photons near all of them, and each
 // photon is loaded once and weighed by every lane: no lane waits for another's loop, no sum goes across lanes.
 
+#ifdef HAS_PHOTONS
 STRUCT(Gathered)
 struct Gathered {
     Vec3 flux;  // Σ ΔΦ·K/K(0), watts
 #ifdef HAS_GLOSSY
     Vec3 glint; // Σ ΔΦ·K/K(0)·(GGX lobe), W/sr
+#endif
+#ifdef GATHER_KNN
+    Real inverse_radius; // of the disc that the photons span, 1/m
 #endif
 };
 
@@ -53,7 +57,7 @@ Gathered add_photon(SCENE_PARAMS Gathered sum, int i, Real weight, Vec3 position
     Vec3 power = photon_power_same(i);
     sum.flux = scale_add3(power, weight, sum.flux);
 #ifdef HAS_GLOSSY
-    Vec3 to_light = negate3(photon_direction_same(i));
+    Vec3 to_light = photon_direction_same(i);
     // At the rim of a curved surface a photon may come from below the query point's horizon.
     Real cos_i = dot3(query.surface.normal, to_light);
     Real cos_o = max(dot3(query.surface.normal, query.to_viewer), lanes(0.0f));
@@ -68,10 +72,22 @@ Gathered add_photon(SCENE_PARAMS Gathered sum, int i, Real weight, Vec3 position
 #define DEAR_PHOTONS
 #endif
 
+#ifdef GATHER_KNN
+#define KNN_MAX 256 // most that --k takes; a heap this long is 2 KiB a lane
+#if LANES > 1
+#error "k nearest photons are gathered with one lane a work-item: a heap holds one query's photons"
+#endif
+#endif
+// Farthest that lanes which walk together may lie apart, in radii. Measured at 0.5, 1, 2 and 4.
+#define GATHER_SPREAD 4.0f
+
 #ifndef GATHER_BRUTE
 // Photons of one face around the lanes' points, which lie in the box from low to high.
 Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high) {
     Gathered sum = nothing_gathered();
+#ifdef GATHER_KNN
+    sum.inverse_radius = gather_inverse_radius();
+#endif
     float flipped = face_flipped_scalar(face);
     Float3 origin = face_origin_scalar(face);
     Float3 cell = grid_axes(gather_cell_scalar(), flipped);
@@ -95,6 +111,14 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
     w_last = min(w_last, count_of(counts.z) - 1);
 #endif
     Real inverse_radius2 = lanes(gather_inverse_radius() * gather_inverse_radius());
+#ifdef GATHER_KNN
+    // Binary heap of the nearest so far, the farthest of them at its root: one more than k, whose distance becomes
+    // the radius. Counting the k others over that disc is unbiased (Moore & Yackel 1977).
+    float heap_d2[KNN_MAX + 1];
+    int heap_photon[KNN_MAX + 1];
+    int capacity = min(count_of(gather_nearest()), KNN_MAX) + 1;
+    int held = 0;
+#endif
     for (int w = w_first; w <= w_last; w++) {
         float w_low = float_of(w) * cell.z;
         float w_gap = max(max(w_low - high.z, low.z - (w_low + cell.z)), 0.0f);
@@ -128,18 +152,58 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
                     Vec3 position = photon_position_same(i);
                     Vec3 away = sub3(position, query.surface.position);
                     Real weight = kernel_shape(square3(away), inverse_radius2);
-#ifdef DEAR_PHOTONS
+#if defined(DEAR_PHOTONS) || defined(GATHER_KNN)
                     if (!any_lane(weight > 0.0f)) continue;
 #endif
 #ifdef GRID_HASHED
                     Float3 own = photon_cell_scalar(i);
                     if (own.x != float_of(face) || own.y != float_of(v) || own.z != float_of(w)) continue;
 #endif
+#ifdef GATHER_KNN
+#ifdef HAS_BOTH_SIDES
+                    if (walled_off(SCENE query.surface.position, position)) continue;
+#endif
+                    float d2 = square3(away);
+                    int hole = -1;
+                    if (held < capacity) {
+                        hole = held;
+                        held++;
+                        while (hole > 0 && heap_d2[(hole - 1) / 2] < d2) {
+                            heap_d2[hole] = heap_d2[(hole - 1) / 2];
+                            heap_photon[hole] = heap_photon[(hole - 1) / 2];
+                            hole = (hole - 1) / 2;
+                        }
+                    } else if (d2 < heap_d2[0]) {
+                        hole = 0;
+                        int child = 1;
+                        while (child < capacity) {
+                            if (child + 1 < capacity && heap_d2[child + 1] > heap_d2[child]) child++;
+                            if (heap_d2[child] <= d2) break;
+                            heap_d2[hole] = heap_d2[child];
+                            heap_photon[hole] = heap_photon[child];
+                            hole = child;
+                            child = 2 * hole + 1;
+                        }
+                    }
+                    if (hole >= 0) {
+                        heap_d2[hole] = d2;
+                        heap_photon[hole] = i;
+                    }
+#else
                     sum = add_photon(SCENE sum, i, weight, position, query);
+#endif
                 }
             }
         }
     }
+#ifdef GATHER_KNN
+    // Fewer than k within R: they span the whole disc.
+    if (held == capacity) sum.inverse_radius = 1.0f / sqrt(max(heap_d2[0], 1e-30f));
+    for (int h = held == capacity ? 1 : 0; h < held; h++) {
+        Real weight = kernel_shape(heap_d2[h], sum.inverse_radius * sum.inverse_radius);
+        sum = add_photon(SCENE sum, heap_photon[h], weight, photon_position_same(heap_photon[h]), query);
+    }
+#endif
     return sum;
 }
 
@@ -147,6 +211,9 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
 Gathered gather_near(SCENE_PARAMS Query query, Int face, Bool wanted) {
 #if LANES == 1
     Gathered sum = nothing_gathered();
+#ifdef GATHER_KNN
+    sum.inverse_radius = 1.0f;
+#endif
     if (wanted) sum = gather_face(SCENE face, query, query.surface.position, query.surface.position);
     return sum;
 #else
@@ -210,14 +277,19 @@ Vec3 photon_radiance(SCENE_PARAMS Surface surface, Vec3 to_viewer, Bool wanted) 
 #else
     query.alpha = lanes(1.0f);
 #endif
-    Int face = surface.object * 2 + pick_i(surface.inside, 1, 0);
+    Int face = surface.object * 2 + pick_i(surface.side < 0.0f, 1, 0);
     Vec3 p = surface.position;
     // Beyond any photon, where squares would overflow.
     wanted = wanted && fabs(p.x) + fabs(p.y) + fabs(p.z) < 1e15f;
     Gathered sum = gather_near(SCENE query, face, wanted);
-    Real scale = lanes(KERNEL_PEAK * gather_inverse_radius() * gather_inverse_radius());
+#ifdef GATHER_KNN
+    Real inverse_radius = sum.inverse_radius;
+#else
+    Real inverse_radius = lanes(gather_inverse_radius());
+#endif
+    Real scale = KERNEL_PEAK * inverse_radius * inverse_radius;
 #ifdef HAS_CLIP
-    scale = scale / visible_part(SCENE surface, lanes(gather_inverse_radius()));
+    scale = scale / visible_part(SCENE surface, inverse_radius);
 #endif
     Vec3 radiance = mul3(object_color(surface.object), scale3(sum.flux, object_diffuse(surface.object) * INV_PI));
 #ifdef HAS_GLOSSY
@@ -225,3 +297,4 @@ Vec3 photon_radiance(SCENE_PARAMS Surface surface, Vec3 to_viewer, Bool wanted) 
 #endif
     return scale3(radiance, scale);
 }
+#endif

@@ -11,6 +11,9 @@ Vec3 radiance_along(SCENE_PARAMS Vec3 origin, Vec3 direction) {
         hit.t = pick(visible, hit.t, 0.0f);
         Surface surface = surface_at(SCENE origin, direction, hit);
         radiance = direct_light(SCENE surface, negate3(direction));
+#ifdef HAS_PHOTONS
+        radiance = add3(radiance, photon_radiance(SCENE surface, negate3(direction), visible));
+#endif
 #ifdef HAS_AMBIENT
         radiance = add3(radiance, scale3(object_color(hit.object), object_ambient(hit.object)));
 #endif

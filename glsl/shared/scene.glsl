@@ -67,7 +67,7 @@ struct Surface {
     Vec3 position; // scene space, back on the surface to an ulp
     Vec3 normal;   // unit, towards the side the ray came from
     Int object;
-    Bool inside;   // the ray came from the side that the object's own normal points away from
+    Real side;     // +1 on the side that the stored normal points to, else −1
 };
 
 Surface surface_at(SCENE_PARAMS Vec3 origin, Vec3 direction, Hit hit) {
@@ -92,7 +92,7 @@ Surface surface_at(SCENE_PARAMS Vec3 origin, Vec3 direction, Hit hit) {
     surface.position = add3(p, scale3(anchor, extent - dot3(anchor, p)));
 #endif
     Bool from_behind = dot3(surface.normal, direction) > 0.0f;
-    surface.inside = from_behind;
     surface.normal = pick3(from_behind, negate3(surface.normal), surface.normal);
+    surface.side = pick(from_behind, -1.0f, 1.0f);
     return surface;
 }

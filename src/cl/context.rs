@@ -77,8 +77,7 @@ impl Context {
     /// # Errors
     /// [`Error::Device`] when the driver refuses.
     pub fn new(device: Device) -> Result<Context> {
-        let context =
-            ClContext::from_device(&ClDevice::new(device.id)).map_err(|e| failed("opening the device", e))?;
+        let context = ClContext::from_device(&ClDevice::new(device.id)).map_err(|e| failed("opening the device", e))?;
         // OpenCL 1.2's call, deprecated since 2.0 but supported by every driver; its successor is not.
         #[allow(deprecated)]
         let queue = CommandQueue::create_default(&context, CL_QUEUE_PROFILING_ENABLE)

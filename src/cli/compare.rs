@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::options::RenderOptions;
+use super::options::{BackendArg, RenderOptions};
 use super::{notice, print_json};
 use crate::error::{Error, Result};
 use crate::film::{Image, SaveOptions, check_output, heat_map};
@@ -22,6 +22,9 @@ pub struct Args {
     /// Where to write the difference as a heat map (PNG)
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
+    /// Which backends to compare, such as opengl,opencl
+    #[arg(long, value_enum, value_delimiter = ',', default_values = ["opengl", "opencl", "cpu"])]
+    backends: Vec<BackendArg>,
     /// Pictures made for each timing, after one to warm up; the median counts
     #[arg(long, value_name = "N", default_value_t = 5)]
     repeat: u32,
@@ -87,7 +90,14 @@ fn compare_files(args: &Args, reference: &Path) -> Result<()> {
     } else {
         println!(
             "RMSE {:.3e}  relMSE {:.3e}  MAE {:.3e}  max {:.3e}  SMAPE {:.3e}  PSNR {:.1} dB  {} of {} pixels over",
-            found.rmse, found.rel_mse, found.mae, found.max_abs, found.smape, found.psnr, found.pixels_over, found.pixels
+            found.rmse,
+            found.rel_mse,
+            found.mae,
+            found.max_abs,
+            found.smape,
+            found.psnr,
+            found.pixels_over,
+            found.pixels
         );
     }
     bound(args, "the images", found.rmse, 0)
@@ -102,7 +112,7 @@ fn compare_backends(args: &Args) -> Result<()> {
     }
     let mut sides = Vec::new();
     let mut images = Vec::new();
-    for backend in Backend::ALL {
+    for backend in args.backends.iter().map(|backend| Backend::from(*backend)) {
         match Pipeline::open(&args.options.machine(Some(backend)), notice) {
             Ok(mut pipeline) => {
                 let (image, trace_ms) = timed(&mut pipeline, &scene, &settings, args.repeat)?;

@@ -8,7 +8,10 @@ use clap::{Args, ValueEnum};
 use crate::error::Result;
 use crate::pipeline::Machine;
 use crate::scene::{self, Scene};
-use crate::settings::{Backend, LightMode, Settings};
+use crate::gathering::MAX_NEAREST;
+use crate::settings::{
+    Amount, Backend, DensityKernel, Gather, LightMode, Method, Photons, Sampler, Settings,
+};
 
 /// The scene, and how it is rendered.
 #[derive(Args, Clone, Debug)]
@@ -27,6 +30,30 @@ pub struct RenderOptions {
     /// Image size in pixels, such as 640x480
     #[arg(long, value_name = "WxH")]
     pub size: Option<Size>,
+    /// How photons are found around a point
+    #[arg(long, value_enum)]
+    pub gather: Option<GatherArg>,
+    /// Paths emitted per pass, such as 200k or 1M
+    #[arg(long, value_name = "N", value_parser = parse_count, conflicts_with = "stored")]
+    pub photons: Option<u32>,
+    /// Emit until so many photons are stored, such as 12k
+    #[arg(long, value_name = "N", value_parser = parse_count)]
+    pub stored: Option<u32>,
+    /// Gather radius in metres [default: chosen from the scene and the number of photons]
+    #[arg(long, value_name = "R", value_parser = parse_radius)]
+    pub radius: Option<f32>,
+    /// Kernel of the density estimate
+    #[arg(long, value_enum)]
+    pub kernel: Option<KernelArg>,
+    /// How many photons knn gathers
+    #[arg(long, value_name = "K", default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_NEAREST)))]
+    pub k: u32,
+    /// Cells of the grid along x, y, z of the photons' box, such as 60x40x40 [default: half the radius]
+    #[arg(long, value_name = "NXxNYxNZ", value_parser = parse_grid)]
+    pub grid: Option<[u32; 3]>,
+    /// Where emission's numbers come from
+    #[arg(long, value_enum, default_value = "sequence")]
+    pub sampler: SamplerArg,
     /// Threads of the CPU backend
     #[arg(long, value_name = "T", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: u16,
@@ -44,6 +71,49 @@ pub enum LightArg {
     Photons,
     /// No photons at all
     Direct,
+}
+
+/// A gather method, as on the command line.
+#[derive(ValueEnum, Clone, Copy, Debug)]
+pub enum GatherArg {
+    /// The cells of a grid around the point
+    Grid,
+    /// The k nearest photons within the radius
+    Knn,
+    /// All photons: slow, the truth for tests
+    Brute,
+}
+
+impl From<GatherArg> for Method {
+    fn from(arg: GatherArg) -> Self {
+        match arg {
+            GatherArg::Grid => Method::Grid,
+            GatherArg::Knn => Method::Knn,
+            GatherArg::Brute => Method::Brute,
+        }
+    }
+}
+
+/// A density kernel, as on the command line.
+#[derive(ValueEnum, Clone, Copy, Debug)]
+pub enum KernelArg {
+    /// 1/π
+    Constant,
+    /// 2/π · (1 − t²)
+    Epanechnikov,
+    /// 3/π · (1 − t)
+    Cone,
+    /// 3/π · (1 − t²)²
+    Biweight,
+}
+
+/// A sampler, as on the command line.
+#[derive(ValueEnum, Clone, Copy, Debug)]
+pub enum SamplerArg {
+    /// A low-discrepancy sequence
+    Sequence,
+    /// Plain random numbers
+    Random,
 }
 
 /// A backend, as on the command line.
@@ -83,13 +153,39 @@ impl FromStr for Size {
     type Err = String;
 
     fn from_str(text: &str) -> std::result::Result<Self, String> {
-        let expected = || format!("found '{text}', expected WIDTHxHEIGHT with sides from 1 to {MAX_SIDE}, such as 640x480");
+        let expected =
+            || format!("found '{text}', expected WIDTHxHEIGHT with sides from 1 to {MAX_SIDE}, such as 640x480");
         let (width, height) = text.split_once(['x', '×']).ok_or_else(expected)?;
         match (width.parse(), height.parse()) {
             (Ok(width @ 1..=MAX_SIDE), Ok(height @ 1..=MAX_SIDE)) => Ok(Size { width, height }),
             _ => Err(expected()),
         }
     }
+}
+
+/// A count with an optional k or M behind it.
+fn parse_count(text: &str) -> std::result::Result<u32, String> {
+    let expected = || format!("found '{text}', expected a number of photons from 1 to 2147483647, such as 200k or 1M");
+    let (digits, unit) = match text.char_indices().last() {
+        Some((at, 'k' | 'K')) => (&text[..at], 1e3),
+        Some((at, 'M')) => (&text[..at], 1e6),
+        _ => (text, 1.0),
+    };
+    let count = digits.parse::<f64>().map_err(|_| expected())? * unit;
+    if count.fract() == 0.0 && (1.0..=f64::from(i32::MAX)).contains(&count) { Ok(count as u32) } else { Err(expected()) }
+}
+
+fn parse_radius(text: &str) -> std::result::Result<f32, String> {
+    match text.parse::<f32>() {
+        // Squares of smaller and larger radii leave float32's normal range.
+        Ok(radius) if (1e-15..=1e15).contains(&radius) => Ok(radius),
+        _ => Err(format!("found '{text}', expected a radius in metres, > 0")),
+    }
+}
+
+fn parse_grid(text: &str) -> std::result::Result<[u32; 3], String> {
+    let numbers: Vec<u32> = text.split(['x', '×']).filter_map(|n| n.parse().ok().filter(|n| *n > 0)).collect();
+    <[u32; 3]>::try_from(numbers).map_err(|_| format!("found '{text}', expected NXxNYxNZ, such as 60x40x40"))
 }
 
 impl RenderOptions {
@@ -111,7 +207,42 @@ impl RenderOptions {
             (Some(LightArg::Photons), _) | (None, Some("photons")) => LightMode::Photons,
             _ => LightMode::Hybrid,
         };
-        Settings { width, height, samples: self.spp, first_sample: 0, seed: self.seed, light }
+        let stored = self.stored.map(Amount::Stored);
+        let paths = self.photons.or(scene.render.photons.map(|n| n.min(u64::from(u32::MAX)) as u32)).map(Amount::Paths);
+        let method = self.gather.map(Method::from).or(match scene.render.gather.as_deref() {
+            Some("knn") => Some(Method::Knn),
+            Some("brute") => Some(Method::Brute),
+            _ => None,
+        });
+        let kernel = self.kernel.map(|kernel| match kernel {
+            KernelArg::Constant => DensityKernel::Constant,
+            KernelArg::Epanechnikov => DensityKernel::Epanechnikov,
+            KernelArg::Cone => DensityKernel::Cone,
+            KernelArg::Biweight => DensityKernel::Biweight,
+        });
+        Settings {
+            width,
+            height,
+            samples: self.spp,
+            seed: self.seed,
+            light,
+            photons: Photons {
+                amount: stored.or(paths).unwrap_or(default.photons.amount),
+                sampler: match self.sampler {
+                    SamplerArg::Sequence => Sampler::Sequence,
+                    SamplerArg::Random => Sampler::Random,
+                },
+                ..default.photons
+            },
+            gather: Gather {
+                method: method.unwrap_or_default(),
+                kernel: kernel.unwrap_or_default(),
+                radius: self.radius.or(scene.render.radius.map(|r| r as f32)),
+                nearest: self.k,
+                cells: self.grid,
+            },
+            ..default
+        }
     }
 
     /// Where to run.
@@ -123,6 +254,18 @@ impl RenderOptions {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn counts_are_read_or_refused() {
+        assert_eq!(parse_count("200k"), Ok(200_000));
+        assert_eq!(parse_count("1M"), Ok(1_000_000));
+        assert_eq!(parse_count("1.5k"), Ok(1500));
+        for bad in ["", "0", "-1", "1.5", "k", "3G", "nan", "2147483648"] {
+            assert!(parse_count(bad).unwrap_err().contains("expected a number of photons"), "{bad}");
+        }
+        assert_eq!(parse_grid("60x40x40"), Ok([60, 40, 40]));
+        assert!(parse_grid("60x40").is_err() && parse_grid("0x1x1").is_err() && parse_radius("nan").is_err());
+    }
 
     #[test]
     fn sizes_are_read_or_refused() {

@@ -60,7 +60,8 @@ pub fn run(args: &Args) -> Result<()> {
         return Ok(());
     }
     let packed = Packed::new(&scene, scene.camera.position);
-    let mut uploads = vec![table::<Frame>(1), table::<Object>(packed.objects.len()), table::<Light>(packed.lights.len())];
+    let mut uploads =
+        vec![table::<Frame>(1), table::<Object>(packed.objects.len()), table::<Light>(packed.lights.len())];
     if !packed.glasses.is_empty() {
         uploads.push(table::<Glass>(packed.glasses.len()));
     }

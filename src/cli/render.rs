@@ -10,7 +10,8 @@ use crate::change::Stage;
 use crate::error::Result;
 use crate::film::{SaveOptions, check_output};
 use crate::pipeline::{Devices, Pipeline, Times};
-use crate::settings::{Backend, LightMode};
+use crate::settings::{Backend, LightMode, Method};
+use crate::stage::map::MapCounts;
 
 /// Render a scene to a PNG or EXR file
 #[derive(clap::Args)]
@@ -36,7 +37,11 @@ pub struct Args {
 struct Report<'a> {
     scene: &'a str,
     backend: Backend,
+    gather: Method,
     light: LightMode,
+    radius: Option<f32>,
+    photons: Option<MapCounts>,
+    uploads: u64,
     size: [u32; 2],
     samples: u32,
     seed: u32,
@@ -72,11 +77,16 @@ pub fn run(args: &Args) -> Result<()> {
     rendering.image.save(&output, &SaveOptions { exposure, settings: &provenance, channels: &[] })?;
 
     let times = rendering.times;
+    if let (Some(photons), Some(radius)) = (rendering.photons, rendering.radius) {
+        notice(&format!("{} paths emitted, {} photons stored, radius {radius:.4} m", photons.emitted, photons.stored));
+    }
     notice(&format!(
-        "{} in {:.1} ms (compile {:.1}, upload {:.1}, trace {:.1}, readback {:.1})",
+        "{} in {:.1} ms (compile {:.1}, emit {:.1}, grid {:.1}, upload {:.1}, trace {:.1}, readback {:.1})",
         output.display(),
         times.total,
         times.compile,
+        times.emit,
+        times.grid,
         times.upload,
         times.trace,
         times.readback
@@ -85,7 +95,11 @@ pub fn run(args: &Args) -> Result<()> {
         print_json(&Report {
             scene: &scene.name,
             backend: pipeline.backend,
+            gather: settings.gather.method,
             light: settings.light,
+            radius: rendering.radius,
+            photons: rendering.photons,
+            uploads: rendering.uploads,
             size: [settings.width, settings.height],
             samples: settings.samples,
             seed: settings.seed,

@@ -55,7 +55,8 @@ pub fn run(args: &Args) -> Result<()> {
             println!("{record:<8} {path:<10} {count:>9} {width:>6} {values:>12}  {verdict}");
         }
     })?;
-    let wrong: Vec<String> = checks.iter().filter_map(|c| Some(format!("{:?}: {}", c.path, c.wrong.as_ref()?))).collect();
+    let wrong: Vec<String> =
+        checks.iter().filter_map(|c| Some(format!("{:?}: {}", c.path, c.wrong.as_ref()?))).collect();
     let report = Report {
         opengl: readers.gl.as_ref().map(|gl| gl.renderer.clone()),
         opencl: readers.cl.as_ref().map(|cl| cl.device.name.clone()),

@@ -68,7 +68,8 @@ mod tests {
         for (o, i) in [((0.3, 0.1, 0.9), (-0.2, 0.4, 0.7)), ((0.9, 0.0, 0.1), (-0.9, 0.1, 0.05))] {
             let (o, i) = (Vec3::from(o).normalize(), Vec3::from(i).normalize());
             for alpha in [1.0f32, 0.3, 0.05] {
-                let (ours, theirs) = (f64::from(ggx(Vec3::Z, o, i, o.z, i.z, alpha)), textbook(Vec3::Z, o, i, alpha.into()));
+                let (ours, theirs) =
+                    (f64::from(ggx(Vec3::Z, o, i, o.z, i.z, alpha)), textbook(Vec3::Z, o, i, alpha.into()));
                 // 1e-4: the textbook's denominator cancels for float32 directions at small α.
                 assert!((ours / theirs - 1.0).abs() < 1e-4, "α = {alpha}: {ours} against {theirs}");
             }

@@ -3,6 +3,9 @@
 
 pub mod bsdf;
 pub mod camera;
+pub mod density;
+pub mod gather;
+pub mod grid;
 pub mod intersect;
 pub mod photons;
 pub mod random;

@@ -61,7 +61,7 @@ pub fn walk_paths(
             if keeps && (emission.store_direct || photon.bounce > 0) {
                 map.positions.push(PhotonPosition { position: surface.position.into() });
                 map.powers.push(PhotonPower { power: (photon.throughput * photon.power).into() });
-                let side = if surface.inside { -1.0 } else { 1.0 };
+                let side = surface.side;
                 map.surfaces.push(PhotonSurface { object: surface.object as f32, side, bounce: photon.bounce as f32 });
                 if scene.features.glossy {
                     map.directions.push(PhotonDirection { direction: (-photon.direction).into() });
@@ -80,6 +80,16 @@ impl PhotonTables {
         self.surfaces.append(&mut other.surfaces);
         self.directions.append(&mut other.directions);
         self.emitted += other.emitted;
+    }
+
+    /// The map as the grid and the gathering take it.
+    pub fn view(&self) -> super::grid::PhotonTables<'_> {
+        super::grid::PhotonTables {
+            positions: &self.positions,
+            powers: &self.powers,
+            surfaces: &self.surfaces,
+            directions: &self.directions,
+        }
     }
 
     /// Photons stored.

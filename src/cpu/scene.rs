@@ -39,8 +39,8 @@ pub struct Surface {
     pub normal: Vec3,
     /// Index into the object table.
     pub object: usize,
-    /// The ray came from the side that the object's own normal points away from.
-    pub inside: bool,
+    /// +1 on the side that the stored normal points to, else −1.
+    pub side: f32,
 }
 
 impl<'a> SceneTables<'a> {
@@ -91,8 +91,7 @@ impl<'a> SceneTables<'a> {
         } else {
             (p + anchor * (object.extent - anchor.dot(p)), anchor)
         };
-        let inside = normal.dot(direction) > 0.0;
-        let normal = if inside { -normal } else { normal };
-        Surface { position, normal, object: hit.object, inside }
+        let side = if normal.dot(direction) > 0.0 { -1.0 } else { 1.0 };
+        Surface { position, normal: normal * side, object: hit.object, side }
     }
 }

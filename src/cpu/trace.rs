@@ -7,8 +7,10 @@ use rayon::prelude::*;
 
 use super::bsdf::ggx;
 use super::camera::{camera_direction, jitter_x, jitter_y};
+use super::gather::{PhotonMap, photon_radiance};
 use super::random::hash2_u;
 use super::scene::{SceneTables, Surface};
+use crate::features::Lights;
 use crate::layout::Frame;
 
 /// Radiance towards the viewer from point lights, W·m⁻²·sr⁻¹.
@@ -34,20 +36,25 @@ pub fn direct_light(scene: &SceneTables, surface: &Surface, to_viewer: Vec3) -> 
     sum
 }
 
-/// What arrives at `origin` from `direction`.
-pub fn radiance_along(scene: &SceneTables, origin: Vec3, direction: Vec3) -> Vec3 {
+/// What arrives at `origin` from `direction`, with the photon map where there is one.
+pub fn radiance_along(scene: &SceneTables, map: Option<&PhotonMap>, origin: Vec3, direction: Vec3) -> Vec3 {
     let Some(hit) = scene.closest_hit(origin, direction, None) else { return Vec3::ZERO };
     let surface = scene.surface_at(origin, direction, hit);
     let object = &scene.objects[hit.object];
-    direct_light(scene, &surface, -direction) + Vec3::from(object.color) * object.ambient
+    let direct = match scene.features.lights {
+        Lights::None => Vec3::ZERO,
+        _ => direct_light(scene, &surface, -direction),
+    };
+    let indirect = map.map_or(Vec3::ZERO, |map| photon_radiance(scene, map, &surface, -direction));
+    direct + indirect + Vec3::from(object.color) * object.ambient
 }
 
 /// Mean over the pixel's samples.
-pub fn pixel_radiance(scene: &SceneTables, frame: &Frame, column: u32, row: u32) -> Vec3 {
+pub fn pixel_radiance(scene: &SceneTables, map: Option<&PhotonMap>, frame: &Frame, column: u32, row: u32) -> Vec3 {
     let (x, y) = (column as f32, row as f32);
     let origin = frame.position.into();
     if scene.features.one_sample {
-        return radiance_along(scene, origin, camera_direction(frame, x + 0.5, y + 0.5));
+        return radiance_along(scene, map, origin, camera_direction(frame, x + 0.5, y + 0.5));
     }
     let seed = frame.seed_low as u32 | (frame.seed_high as u32) << 16;
     let pixel_key = hash2_u(column, row ^ seed);
@@ -55,17 +62,17 @@ pub fn pixel_radiance(scene: &SceneTables, frame: &Frame, column: u32, row: u32)
     let mut sum = Vec3::ZERO;
     for index in (0..samples).map(|s| frame.first_sample as u32 + s) {
         let direction = camera_direction(frame, x + jitter_x(index, pixel_key), y + jitter_y(index, pixel_key));
-        sum += radiance_along(scene, origin, direction);
+        sum += radiance_along(scene, map, origin, direction);
     }
     sum * (1.0 / samples as f32)
 }
 
 /// The whole film, row 0 = top, on the calling thread's rayon pool: a pool of one thread is plain serial code.
-pub fn trace(scene: &SceneTables, frame: &Frame, film: &mut [[f32; 3]]) {
+pub fn trace(scene: &SceneTables, map: Option<&PhotonMap>, frame: &Frame, film: &mut [[f32; 3]]) {
     let width = frame.width as usize;
     film.par_chunks_mut(width.max(1)).enumerate().for_each(|(row, pixels)| {
         for (column, pixel) in pixels.iter_mut().enumerate() {
-            *pixel = pixel_radiance(scene, frame, column as u32, row as u32).to_array();
+            *pixel = pixel_radiance(scene, map, frame, column as u32, row as u32).to_array();
         }
     });
 }

@@ -39,28 +39,15 @@ pub fn load_exr(path: &Path) -> Result<ExrFile> {
 pub(super) fn check_channels(image: &Image, channels: &[Channel]) -> Result<()> {
     for (i, channel) in channels.iter().enumerate() {
         let name = &channel.name;
-        let taken =
-            RGB.contains(&name.as_str()) || channels[..i].iter().any(|other| other.name == *name);
+        let taken = RGB.contains(&name.as_str()) || channels[..i].iter().any(|other| other.name == *name);
         let problem = if taken || name.is_empty() || name.len() > 255 {
             "expected a name of its own of 1 to 255 bytes".to_owned()
         } else if channel.samples.len() != image.pixels.len() {
-            format!(
-                "{} samples for {} pixels",
-                channel.samples.len(),
-                image.pixels.len()
-            )
+            format!("{} samples for {} pixels", channel.samples.len(), image.pixels.len())
         } else {
-            match channel
-                .samples
-                .iter()
-                .filter(|sample| !sample.is_finite())
-                .count()
-            {
+            match channel.samples.iter().filter(|sample| !sample.is_finite()).count() {
                 0 => continue,
-                bad => format!(
-                    "{bad} of {} samples are NaN or infinite",
-                    channel.samples.len()
-                ),
+                bad => format!("{bad} of {} samples are NaN or infinite", channel.samples.len()),
             }
         };
         return Err(Error::Failed(format!("image channel '{name}': {problem}")));
@@ -69,32 +56,15 @@ pub(super) fn check_channels(image: &Image, channels: &[Channel]) -> Result<()> 
 }
 
 /// Writes an image whose channels were checked.
-pub(super) fn write(
-    image: &Image,
-    options: &SaveOptions,
-    file: &mut (impl Write + Seek),
-) -> io::Result<()> {
-    let plane = |name: &str, samples: Vec<f32>| {
-        exr::AnyChannel::new(text(name), exr::FlatSamples::F32(samples))
-    };
-    let rgb = RGB
-        .iter()
-        .enumerate()
-        .map(|(c, name)| plane(name, image.pixels.iter().map(|pixel| pixel[c]).collect()));
-    let further = options
-        .channels
-        .iter()
-        .map(|channel| plane(&channel.name, channel.samples.clone()));
+pub(super) fn write(image: &Image, options: &SaveOptions, file: &mut (impl Write + Seek)) -> io::Result<()> {
+    let plane = |name: &str, samples: Vec<f32>| exr::AnyChannel::new(text(name), exr::FlatSamples::F32(samples));
+    let rgb = RGB.iter().enumerate().map(|(c, name)| plane(name, image.pixels.iter().map(|pixel| pixel[c]).collect()));
+    let further = options.channels.iter().map(|channel| plane(&channel.name, channel.samples.clone()));
 
-    let mut attributes = exr::LayerAttributes {
-        software_name: Some(text("photile")),
-        ..Default::default()
-    };
+    let mut attributes = exr::LayerAttributes { software_name: Some(text("photile")), ..Default::default() };
     if !options.settings.is_empty() {
         // A line a setting: a newline in a value (a file name may hold one) must not start another.
-        let line = |(name, value): &(String, String)| {
-            format!("{name} = {}\n", value.replace(['\n', '\r'], " "))
-        };
+        let line = |(name, value): &(String, String)| format!("{name} = {}\n", value.replace(['\n', '\r'], " "));
         attributes.comments = Some(text(&options.settings.iter().map(line).collect::<String>()));
     }
     let encoding = exr::Encoding {
@@ -103,29 +73,16 @@ pub(super) fn write(
         line_order: exr::LineOrder::Increasing,
     };
     let channels = exr::AnyChannels::sort(rgb.chain(further).collect());
-    let layer = exr::Layer::new(
-        (image.width as usize, image.height as usize),
-        attributes,
-        encoding,
-        channels,
-    );
-    exr::Image::from_layer(layer)
-        .write()
-        .to_buffered(file)
-        .map_err(io::Error::other)
+    let layer = exr::Layer::new((image.width as usize, image.height as usize), attributes, encoding, channels);
+    exr::Image::from_layer(layer).write().to_buffered(file).map_err(io::Error::other)
 }
 
 /// Reads what [`load_exr`] describes from a file's bytes; `path` is for messages.
 pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<ExrFile> {
     // Sizes first: the decoder allocates what the header says.
-    let chunks =
-        ::exr::block::read(Cursor::new(bytes), false).map_err(|error| unreadable(path, error))?;
+    let chunks = ::exr::block::read(Cursor::new(bytes), false).map_err(|error| unreadable(path, error))?;
     for header in chunks.headers() {
-        check_pixel_count(
-            path,
-            header.layer_size.width() as u64,
-            header.layer_size.height() as u64,
-        )?;
+        check_pixel_count(path, header.layer_size.width() as u64, header.layer_size.height() as u64)?;
     }
     let file = exr::read()
         .no_deep_data()
@@ -136,68 +93,36 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<ExrFile> {
         .from_chunks(chunks)
         .map_err(|error| unreadable(path, error))?;
 
-    let channel = |layer: &ColorLayer, name: &str| {
-        layer
-            .channel_data
-            .list
-            .iter()
-            .position(|found| found.name.eq(name))
-    };
+    let channel = |layer: &ColorLayer, name: &str| layer.channel_data.list.iter().position(|found| found.name.eq(name));
     let layers = file.layer_data.iter();
     let Some((layer, rgb)) = layers.clone().find_map(|layer| {
         let [r, g, b] = RGB.map(|name| channel(layer, name));
         Some((layer, [r?, g?, b?]))
     }) else {
-        let names = layers
-            .flat_map(|layer| &layer.channel_data.list)
-            .map(|found| found.name.to_string());
+        let names = layers.flat_map(|layer| &layer.channel_data.list).map(|found| found.name.to_string());
         let found = names.collect::<Vec<_>>().join(", ");
-        return Err(unreadable(
-            path,
-            format!("expected channels R, G and B, found {found}"),
-        ));
+        return Err(unreadable(path, format!("expected channels R, G and B, found {found}")));
     };
     let (width, height) = layer.size.into();
     let list = &layer.channel_data.list;
-    if let Some(coarse) = list
-        .iter()
-        .find(|found| found.sample_data.len() != width * height)
-    {
-        return Err(unreadable(
-            path,
-            format!(
-                "channel {} is subsampled, expected a sample a pixel",
-                coarse.name
-            ),
-        ));
+    if let Some(coarse) = list.iter().find(|found| found.sample_data.len() != width * height) {
+        return Err(unreadable(path, format!("channel {} is subsampled, expected a sample a pixel", coarse.name)));
     }
 
     let plane = |i: usize| list[i].sample_data.values_as_f32();
-    let pixels = plane(rgb[0])
-        .zip(plane(rgb[1]))
-        .zip(plane(rgb[2]))
-        .map(|((r, g), b)| [r, g, b])
-        .collect();
+    let pixels = plane(rgb[0]).zip(plane(rgb[1])).zip(plane(rgb[2])).map(|((r, g), b)| [r, g, b]).collect();
     let further = (0..list.len()).filter(|i| !rgb.contains(i));
-    let further = further.map(|i| Channel {
-        name: list[i].name.to_string(),
-        samples: plane(i).collect(),
-    });
+    let further = further.map(|i| Channel { name: list[i].name.to_string(), samples: plane(i).collect() });
     let comments = layer
         .attributes
         .comments
         .as_ref()
-        .map_or(String::new(), |text| {
-            String::from_utf8_lossy(text.as_slice()).into_owned()
-        });
+        .map_or(String::new(), |text| String::from_utf8_lossy(text.as_slice()).into_owned());
     let settings = comments.lines().filter_map(|line| line.split_once(" = "));
     Ok(ExrFile {
-        image: Image::from_pixels(width as u32, height as u32, pixels)
-            .map_err(|error| unreadable(path, error))?,
+        image: Image::from_pixels(width as u32, height as u32, pixels).map_err(|error| unreadable(path, error))?,
         channels: further.collect(),
-        settings: settings
-            .map(|(name, value)| (name.to_owned(), value.to_owned()))
-            .collect(),
+        settings: settings.map(|(name, value)| (name.to_owned(), value.to_owned())).collect(),
     })
 }
 

@@ -24,21 +24,12 @@ impl Format {
     /// # Errors
     /// [`Error::Usage`] for another extension, or none.
     pub fn of(path: &Path) -> Result<Format> {
-        let extension = path
-            .extension()
-            .and_then(OsStr::to_str)
-            .map(str::to_ascii_lowercase);
+        let extension = path.extension().and_then(OsStr::to_str).map(str::to_ascii_lowercase);
         match extension.as_deref() {
             Some("png") => Ok(Format::Png),
             Some("exr") => Ok(Format::Exr),
-            Some(other) => Err(usage(
-                path,
-                format!("unknown image format .{other}, expected .png or .exr"),
-            )),
-            None => Err(usage(
-                path,
-                "no extension that names an image format, expected .png or .exr",
-            )),
+            Some(other) => Err(usage(path, format!("unknown image format .{other}, expected .png or .exr"))),
+            None => Err(usage(path, "no extension that names an image format, expected .png or .exr")),
         }
     }
 }
@@ -74,25 +65,14 @@ pub fn check_directory(path: &Path) -> Result<()> {
     match directory.metadata() {
         Ok(found) if found.is_dir() => {}
         Ok(_) => {
-            return Err(usage(
-                path,
-                format!("{} is not a directory", directory.display()),
-            ));
+            return Err(usage(path, format!("{} is not a directory", directory.display())));
         }
         Err(error) => {
-            return Err(usage(
-                path,
-                format!("directory {}: {error}", directory.display()),
-            ));
+            return Err(usage(path, format!("directory {}: {error}", directory.display())));
         }
     }
     let probe = temporary(&directory);
-    probe.map_err(|error| {
-        usage(
-            path,
-            format!("cannot write to directory {}: {error}", directory.display()),
-        )
-    })?;
+    probe.map_err(|error| usage(path, format!("cannot write to directory {}: {error}", directory.display())))?;
     Ok(())
 }
 
@@ -101,14 +81,8 @@ pub fn check_directory(path: &Path) -> Result<()> {
 ///
 /// # Errors
 /// [`Error::File`] with what the system or `write` answered.
-pub fn write_beside(
-    path: &Path,
-    write: impl FnOnce(&mut BufWriter<&mut File>) -> io::Result<()>,
-) -> Result<()> {
-    let failed = |error: io::Error| Error::File {
-        path: path.to_owned(),
-        what: format!("cannot write: {error}"),
-    };
+pub fn write_beside(path: &Path, write: impl FnOnce(&mut BufWriter<&mut File>) -> io::Result<()>) -> Result<()> {
+    let failed = |error: io::Error| Error::File { path: path.to_owned(), what: format!("cannot write: {error}") };
     let target = path.canonicalize().unwrap_or_else(|_| path.to_owned());
     let mut file = temporary(&directory_of(&target)).map_err(failed)?;
     fill(file.as_file_mut(), write).map_err(failed)?;
@@ -116,10 +90,7 @@ pub fn write_beside(
     Ok(())
 }
 
-fn fill(
-    file: &mut File,
-    write: impl FnOnce(&mut BufWriter<&mut File>) -> io::Result<()>,
-) -> io::Result<()> {
+fn fill(file: &mut File, write: impl FnOnce(&mut BufWriter<&mut File>) -> io::Result<()>) -> io::Result<()> {
     let mut buffered = BufWriter::new(&mut *file);
     write(&mut buffered)?;
     buffered.flush()?;

@@ -7,20 +7,12 @@ use proptest::prelude::*;
 use super::*;
 
 fn gradient(width: u32, height: u32) -> Image {
-    Image::from_fn(width, height, |x, y| {
-        [
-            x as f32 / width as f32,
-            y as f32 * 0.7,
-            1e-3 * (x * y) as f32,
-        ]
-    })
+    Image::from_fn(width, height, |x, y| [x as f32 / width as f32, y as f32 * 0.7, 1e-3 * (x * y) as f32])
 }
 
 fn names(directory: &Path) -> Vec<String> {
     let entries = fs::read_dir(directory).unwrap();
-    entries
-        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-        .collect()
+    entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
 }
 
 /// A directory and a path in it.
@@ -53,39 +45,18 @@ fn exr_keeps_every_bit_settings_and_channels() {
     let (_directory, path) = place("a.exr");
     let mut image = gradient(37, 19);
     image.pixels[0] = [-0.0, f32::MIN_POSITIVE / 8.0, f32::MAX];
-    let settings = [
-        ("scene", "scenes/gi_ref.toml"),
-        ("title", "Ω = 4π\nnext"),
-        ("long", &"x".repeat(5000)),
-    ];
+    let settings = [("scene", "scenes/gi_ref.toml"), ("title", "Ω = 4π\nnext"), ("long", &"x".repeat(5000))];
     let settings = settings.map(|(name, value)| (name.to_owned(), value.to_owned()));
-    let channel = Channel {
-        name: "stderr.R".into(),
-        samples: (0..37 * 19).map(|i| i as f32 * 0.1).collect(),
-    };
-    let options = SaveOptions {
-        exposure: 3.0,
-        settings: &settings,
-        channels: std::slice::from_ref(&channel),
-    };
+    let channel = Channel { name: "stderr.R".into(), samples: (0..37 * 19).map(|i| i as f32 * 0.1).collect() };
+    let options = SaveOptions { exposure: 3.0, settings: &settings, channels: std::slice::from_ref(&channel) };
     image.save(&path, &options).unwrap();
 
     let file = load_exr(&path).unwrap();
-    let bits = |image: &Image| {
-        image
-            .pixels
-            .iter()
-            .flatten()
-            .map(|v| v.to_bits())
-            .collect::<Vec<_>>()
-    };
+    let bits = |image: &Image| image.pixels.iter().flatten().map(|v| v.to_bits()).collect::<Vec<_>>();
     assert_eq!(bits(&file.image), bits(&image));
     assert_eq!(file.channels, std::slice::from_ref(&channel));
     assert_eq!(file.settings[0], settings[0]);
-    assert_eq!(
-        file.settings[1],
-        ("title".to_owned(), "Ω = 4π next".to_owned())
-    );
+    assert_eq!(file.settings[1], ("title".to_owned(), "Ω = 4π next".to_owned()));
     assert_eq!(file.settings[2], settings[2]);
     assert_eq!(Image::load(&path).unwrap(), image);
 
@@ -119,11 +90,7 @@ proptest! {
 
 #[test]
 fn nan_and_infinity_are_never_written() {
-    for (name, bad) in [
-        ("a.exr", f32::NAN),
-        ("a.png", f32::INFINITY),
-        ("a.exr", f32::NEG_INFINITY),
-    ] {
+    for (name, bad) in [("a.exr", f32::NAN), ("a.png", f32::INFINITY), ("a.exr", f32::NEG_INFINITY)] {
         let (directory, path) = place(name);
         let mut image = gradient(8, 4);
         image.pixels[11][1] = bad;
@@ -137,20 +104,11 @@ fn nan_and_infinity_are_never_written() {
         image.save(&path, &SaveOptions::default()).unwrap();
     }
     let samples = vec![f32::NAN; 32];
-    let channels = [Channel {
-        name: "stderr.R".into(),
-        samples,
-    }];
+    let channels = [Channel { name: "stderr.R".into(), samples }];
     let (directory, path) = place("a.exr");
-    let options = SaveOptions {
-        channels: &channels,
-        ..Default::default()
-    };
+    let options = SaveOptions { channels: &channels, ..Default::default() };
     let error = gradient(8, 4).save(&path, &options).unwrap_err();
-    assert!(
-        error.to_string().contains("'stderr.R': 32 of 32"),
-        "{error}"
-    );
+    assert!(error.to_string().contains("'stderr.R': 32 of 32"), "{error}");
     assert_eq!(names(directory.path()), [] as [String; 0]);
 }
 
@@ -158,25 +116,10 @@ fn nan_and_infinity_are_never_written() {
 fn channels_of_wrong_name_or_length_are_refused() {
     let (_directory, path) = place("a.exr");
     for (name, length) in [("R", 32), ("", 32), ("Z", 31), ("twice", 32)] {
-        let channel = Channel {
-            name: name.into(),
-            samples: vec![0.0; length],
-        };
-        let channels = [
-            Channel {
-                name: "twice".into(),
-                samples: vec![0.0; 32],
-            },
-            channel,
-        ];
-        let options = SaveOptions {
-            channels: &channels,
-            ..Default::default()
-        };
-        let error = gradient(8, 4)
-            .save(&path, &options)
-            .unwrap_err()
-            .to_string();
+        let channel = Channel { name: name.into(), samples: vec![0.0; length] };
+        let channels = [Channel { name: "twice".into(), samples: vec![0.0; 32] }, channel];
+        let options = SaveOptions { channels: &channels, ..Default::default() };
+        let error = gradient(8, 4).save(&path, &options).unwrap_err().to_string();
         assert!(error.contains(&format!("'{name}'")), "{error}");
     }
 }
@@ -204,12 +147,7 @@ fn an_output_that_cannot_be_written_is_known_beforehand() {
     assert!(check_output(Path::new("/dev/null")).is_err());
     // Root writes where permission bits forbid it; procfs refuses even root.
     let error = check_output(Path::new("/proc/a.png")).unwrap_err();
-    assert!(
-        error
-            .to_string()
-            .contains("cannot write to directory /proc"),
-        "{error}"
-    );
+    assert!(error.to_string().contains("cannot write to directory /proc"), "{error}");
 
     assert_eq!(check_output(&at("a.png")).unwrap(), Format::Png);
     assert_eq!(check_output(&at("a.EXR")).unwrap(), Format::Exr);
@@ -228,10 +166,7 @@ fn a_failed_write_leaves_the_old_file_and_nothing_else() {
         Err(std::io::Error::other("disk full"))
     })
     .unwrap_err();
-    assert!(
-        error.to_string().contains("a.exr: cannot write: disk full"),
-        "{error}"
-    );
+    assert!(error.to_string().contains("a.exr: cannot write: disk full"), "{error}");
     assert_eq!(fs::read(&path).unwrap(), b"old");
     assert_eq!(names(directory.path()), ["a.exr"]);
 }
@@ -259,8 +194,7 @@ fn broken_images_are_refused_by_name() {
     let broken = directory.path().join("broken.exr");
     let mut huge = whole.clone();
     let window = find(&whole, b"dataWindow\0box2i\0") + 17 + 4;
-    huge[window + 8..window + 16]
-        .copy_from_slice(&[0xff, 0xff, 0xff, 0x3f, 0xff, 0xff, 0xff, 0x3f]);
+    huge[window + 8..window + 16].copy_from_slice(&[0xff, 0xff, 0xff, 0x3f, 0xff, 0xff, 0xff, 0x3f]);
     for (bytes, words) in [
         (&b""[..], "empty"),
         (b"P6 4 4 255", "neither a PNG nor an EXR"),
@@ -273,12 +207,7 @@ fn broken_images_are_refused_by_name() {
         assert!(error.to_string().contains(words), "{error} lacks '{words}'");
         assert_eq!(error.exit_code(), 2);
     }
-    assert_eq!(
-        Image::load(&directory.path().join("none.exr"))
-            .unwrap_err()
-            .exit_code(),
-        2
-    );
+    assert_eq!(Image::load(&directory.path().join("none.exr")).unwrap_err().exit_code(), 2);
     assert_eq!(Image::load(directory.path()).unwrap_err().exit_code(), 2);
     // Wherever the file ends, and whatever byte is wrong: an answer, not a panic.
     for i in 0..whole.len() {
@@ -290,39 +219,23 @@ fn broken_images_are_refused_by_name() {
 }
 
 fn find(bytes: &[u8], wanted: &[u8]) -> usize {
-    bytes
-        .windows(wanted.len())
-        .position(|window| window == wanted)
-        .unwrap()
+    bytes.windows(wanted.len()).position(|window| window == wanted).unwrap()
 }
 
 #[test]
 fn the_heat_map_shows_equal_small_large_and_broken_pixels_apart() {
     let a = Image::new(5, 1);
     let mut b = a.clone();
-    b.pixels = vec![
-        [0.0; 3],
-        [0.0, -1e-5, 0.0],
-        [1e-3, 0.0, 1e-5],
-        [0.0, 0.0, 50.0],
-        [f32::NAN, 0.0, 0.0],
-    ];
+    b.pixels = vec![[0.0; 3], [0.0, -1e-5, 0.0], [1e-3, 0.0, 1e-5], [0.0, 0.0, 50.0], [f32::NAN, 0.0, 0.0]];
     let map = heat_map(&a, &b).unwrap();
-    let luminance = |i: usize| {
-        0.2126 * map.pixels[i][0] + 0.7152 * map.pixels[i][1] + 0.0722 * map.pixels[i][2]
-    };
+    let luminance = |i: usize| 0.2126 * map.pixels[i][0] + 0.7152 * map.pixels[i][1] + 0.0722 * map.pixels[i][2];
     assert_eq!(map.pixels[0], [0.0; 3]);
-    assert!(
-        luminance(0) < luminance(1) && luminance(1) < luminance(2) && luminance(2) < luminance(3)
-    );
+    assert!(luminance(0) < luminance(1) && luminance(1) < luminance(2) && luminance(2) < luminance(3));
     assert_eq!(map.pixels[4], [0.0, 1.0, 1.0]);
     assert_eq!(map.non_finite(), 0);
     // Half way up the six decades: the middle entry of matplotlib's table, (0.736, 0.216, 0.330).
     for (channel, table) in map.pixels[2].into_iter().zip([0.736, 0.216, 0.330]) {
-        assert!(
-            (display_value(channel) - table).abs() < 0.03,
-            "{channel} against {table}"
-        );
+        assert!((display_value(channel) - table).abs() < 0.03, "{channel} against {table}");
     }
     assert_eq!(heat_map(&a, &a).unwrap(), a);
     assert!(heat_map(&a, &Image::new(1, 5)).is_err());

@@ -4,7 +4,7 @@ use glow::HasContext;
 
 use super::Functions;
 use crate::error::{Error, Result};
-use crate::layout::{Frame, Record};
+use crate::layout::Record;
 use crate::source::{Options, Source, assemble};
 
 /// A linked program; deleted when dropped.
@@ -64,14 +64,18 @@ impl Program {
         }
     }
 
-    /// Sets the frame's record. The program must be active.
-    pub fn set_frame(&self, frame: &Frame) {
-        self.set_single(Frame::TABLE, bytemuck::cast_slice(std::slice::from_ref(frame)));
+    /// Sets records that travel in uniforms: the frame, and the tables of a small scene. The program must be active.
+    pub fn set_records<R: Record>(&self, records: &[R]) {
+        self.set_texels(R::TABLE, bytemuck::cast_slice(records));
     }
 
-    /// Sets a single record by its table's name and floats. The program must be active.
-    pub fn set_single(&self, table: &str, floats: &[f32]) {
-        // SAFETY: the context is current; a program that reads no such record has no such uniform: nothing happens.
+    /// The same for loose floats, three a texel, by the table's name.
+    pub fn set_texels(&self, table: &str, floats: &[f32]) {
+        if floats.is_empty() {
+            return;
+        }
+        // SAFETY: the context is current; a program that does not read the table has no such uniform, and nothing
+        // happens; what lies beyond the array's end is ignored by GL.
         unsafe {
             let location = self.gl.get_uniform_location(self.handle, table);
             self.gl.uniform_3_f32_slice(location.as_ref(), floats);

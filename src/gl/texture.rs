@@ -84,7 +84,8 @@ impl TableTexture {
             }
             let row = shape.width as usize * TEXEL;
             let (whole, rest) = floats.split_at(floats.len() / row * row);
-            for (y, part, columns) in [(0, whole, shape.width as usize), (whole.len() / row, rest, rest.len() / TEXEL)] {
+            for (y, part, columns) in [(0, whole, shape.width as usize), (whole.len() / row, rest, rest.len() / TEXEL)]
+            {
                 if !part.is_empty() {
                     gl.tex_sub_image_2d(
                         glow::TEXTURE_2D,

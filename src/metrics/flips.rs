@@ -45,16 +45,10 @@ pub fn flipped_pixels(a: &Image, b: &Image, tolerance: &Within) -> Result<Mask> 
         if !tolerance.apart(in_a, in_b) || !step.is_finite() {
             return false;
         }
-        let continued = |value, other| {
-            neighbours(other, x, y).any(|near| distance(near, value) * NEARER <= step)
-        };
+        let continued = |value, other| neighbours(other, x, y).any(|near| distance(near, value) * NEARER <= step);
         let fits = |value, other| fits_range(value, neighbours(other, x, y), tolerance);
-        let explained =
-            (continued(in_a, b) && fits(in_b, a)) || (continued(in_b, a) && fits(in_a, b));
-        explained
-            && [a, b]
-                .into_iter()
-                .all(|image| break_in_ring(image, x, y) >= BREAK * step)
+        let explained = (continued(in_a, b) && fits(in_b, a)) || (continued(in_b, a) && fits(in_a, b));
+        explained && [a, b].into_iter().all(|image| break_in_ring(image, x, y) >= BREAK * step)
     };
     Ok(columns_of_rows(a).map(flipped).collect())
 }
@@ -79,18 +73,8 @@ fn neighbour(image: &Image, x: u32, y: u32, (dx, dy): (i32, i32)) -> Option<[f32
 
 /// The eight around a pixel, fewer at the image's border.
 fn neighbours(image: &Image, x: u32, y: u32) -> impl Iterator<Item = [f32; 3]> + '_ {
-    const RING: [(i32, i32); 8] = [
-        (-1, -1),
-        (0, -1),
-        (1, -1),
-        (-1, 0),
-        (1, 0),
-        (-1, 1),
-        (0, 1),
-        (1, 1),
-    ];
-    RING.into_iter()
-        .filter_map(move |offset| neighbour(image, x, y, offset))
+    const RING: [(i32, i32); 8] = [(-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1)];
+    RING.into_iter().filter_map(move |offset| neighbour(image, x, y, offset))
 }
 
 /// Whether each channel of a value lies in the widened range of some others.
@@ -102,10 +86,7 @@ fn fits_range(value: [f32; 3], others: impl Iterator<Item = [f32; 3]>, tolerance
         }
     }
     value.iter().zip(range).all(|(&channel, (low, high))| {
-        let (channel, slack) = (
-            f64::from(channel),
-            BEYOND * (high - low) + tolerance.abs + tolerance.rel * high.abs(),
-        );
+        let (channel, slack) = (f64::from(channel), BEYOND * (high - low) + tolerance.abs + tolerance.rel * high.abs());
         low - slack <= channel && channel <= high + slack
     })
 }
@@ -122,8 +103,7 @@ fn break_in_ring(image: &Image, x: u32, y: u32) -> f64 {
     let bend = |side: [(i32, i32); 3]| {
         let [first, middle, last] = side.map(|offset| neighbour(image, x, y, offset));
         let (first, middle, last) = (first?, middle?, last?);
-        let second =
-            |c: usize| f64::from(first[c]) - 2.0 * f64::from(middle[c]) + f64::from(last[c]);
+        let second = |c: usize| f64::from(first[c]) - 2.0 * f64::from(middle[c]) + f64::from(last[c]);
         Some((0..3).map(|c| second(c).abs()).fold(0.0, f64::max))
     };
     SIDES.into_iter().filter_map(bend).fold(0.0, f64::max)
@@ -131,27 +111,15 @@ fn break_in_ring(image: &Image, x: u32, y: u32) -> f64 {
 
 /// Largest difference in any channel; NaN or infinite if a value is.
 fn distance(a: [f32; 3], b: [f32; 3]) -> f64 {
-    let differences = a
-        .iter()
-        .zip(&b)
-        .map(|(a, b)| (f64::from(*a) - f64::from(*b)).abs());
-    differences.fold(0.0, |largest, d| {
-        if d.is_finite() {
-            d.max(largest)
-        } else {
-            f64::INFINITY
-        }
-    })
+    let differences = a.iter().zip(&b).map(|(a, b)| (f64::from(*a) - f64::from(*b)).abs());
+    differences.fold(0.0, |largest, d| if d.is_finite() { d.max(largest) } else { f64::INFINITY })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const TOLERANCE: Within = Within {
-        abs: 1e-5,
-        rel: 1e-5,
-    };
+    const TOLERANCE: Within = Within { abs: 1e-5, rel: 1e-5 };
 
     /// A disc of varying brightness before a gradient: a sphere's limb before a wall.
     fn limb(x: f64, y: f64) -> [f32; 3] {
@@ -201,33 +169,21 @@ mod tests {
         for wall in [0.0, 0.5, 0.85, 2.0] {
             let (a, b, moved) = nudged(wall);
             assert!(count(&moved) >= 2, "the test must flip something");
-            assert!(
-                flipped_pixels(&a, &b, &TOLERANCE).unwrap() == moved,
-                "wall {wall}"
-            );
-            assert!(
-                flipped_pixels(&b, &a, &TOLERANCE).unwrap() == moved,
-                "wall {wall}"
-            );
+            assert!(flipped_pixels(&a, &b, &TOLERANCE).unwrap() == moved, "wall {wall}");
+            assert!(flipped_pixels(&b, &a, &TOLERANCE).unwrap() == moved, "wall {wall}");
             assert_eq!(count(&flipped_pixels(&a, &a, &TOLERANCE).unwrap()), 0);
         }
     }
 
     #[test]
     fn a_whole_row_flipped_along_a_straight_shadow_edge_is_found() {
-        let shadow = |edge: u32| {
-            Image::from_fn(16, 16, move |x, y| {
-                [if y < edge { 1.0 + 0.01 * x as f32 } else { 0.0 }; 3]
-            })
-        };
+        let shadow =
+            |edge: u32| Image::from_fn(16, 16, move |x, y| [if y < edge { 1.0 + 0.01 * x as f32 } else { 0.0 }; 3]);
         let mask = flipped_pixels(&shadow(8), &shadow(9), &TOLERANCE).unwrap();
         assert_eq!(count(&mask), 16);
         assert!((0..16).all(|x| mask[8 * 16 + x]));
         // By two rows: the sides are too far for the ring of one pixel to explain both.
-        assert_eq!(
-            count(&flipped_pixels(&shadow(8), &shadow(11), &TOLERANCE).unwrap()),
-            0
-        );
+        assert_eq!(count(&flipped_pixels(&shadow(8), &shadow(11), &TOLERANCE).unwrap()), 0);
     }
 
     #[test]
@@ -235,17 +191,7 @@ mod tests {
         let a = scene();
         // In the smooth inside and on the smooth wall, of every size: a spike, and one as large as the gradient's step.
         for (x, y) in [(16, 16), (14, 12), (3, 3), (28, 25), (0, 0), (31, 7)] {
-            for error in [
-                1e-4f32,
-                0.002,
-                0.004,
-                0.008,
-                0.05,
-                1.0,
-                -0.3,
-                f32::INFINITY,
-                f32::NAN,
-            ] {
+            for error in [1e-4f32, 0.002, 0.004, 0.008, 0.05, 1.0, -0.3, f32::INFINITY, f32::NAN] {
                 let mut b = a.clone();
                 b.pixels[y * 32 + x][0] += error;
                 let mask = flipped_pixels(&a, &b, &TOLERANCE).unwrap();
@@ -263,11 +209,7 @@ mod tests {
             for value in [[0.0, 0.0, 0.0], [3.0, 1.5, 0.75], [f32::NAN, 0.0, 0.0]] {
                 let mut b = a.clone();
                 b.pixels[i] = value;
-                assert_eq!(
-                    count(&flipped_pixels(&a, &b, &TOLERANCE).unwrap()),
-                    0,
-                    "{value:?} at pixel {i}"
-                );
+                assert_eq!(count(&flipped_pixels(&a, &b, &TOLERANCE).unwrap()), 0, "{value:?} at pixel {i}");
             }
         }
     }
@@ -295,13 +237,7 @@ mod tests {
     fn edges_are_where_neighbours_differ() {
         let image = Image::from_fn(6, 3, |x, _| [if x < 3 { 1.0 } else { 1.2 }; 3]);
         let row = [false, false, true, true, false, false];
-        assert_eq!(
-            edge_pixels(&image, &Within { abs: 0.1, rel: 0.0 }),
-            [row, row, row].concat()
-        );
-        assert_eq!(
-            count(&edge_pixels(&image, &Within { abs: 0.1, rel: 0.1 })),
-            0
-        );
+        assert_eq!(edge_pixels(&image, &Within { abs: 0.1, rel: 0.0 }), [row, row, row].concat());
+        assert_eq!(count(&edge_pixels(&image, &Within { abs: 0.1, rel: 0.1 })), 0);
     }
 }

@@ -1,9 +1,6 @@
 use super::*;
 
-const SETTINGS: Settings = Settings {
-    tolerance: Within { abs: 0.1, rel: 0.0 },
-    exposure: 0.0,
-};
+const SETTINGS: Settings = Settings { tolerance: Within { abs: 0.1, rel: 0.0 }, exposure: 0.0 };
 
 fn image(pixels: &[[f32; 3]]) -> Image {
     Image::from_pixels(pixels.len() as u32, 1, pixels.to_vec()).unwrap()
@@ -11,10 +8,7 @@ fn image(pixels: &[[f32; 3]]) -> Image {
 
 fn near(found: f64, expected: f64) {
     // 1e-6: the inputs are float32, sums are not.
-    assert!(
-        (found - expected).abs() <= 1e-6 * expected.abs(),
-        "{found}, expected {expected}"
-    );
+    assert!((found - expected).abs() <= 1e-6 * expected.abs(), "{found}, expected {expected}");
 }
 
 #[test]
@@ -29,29 +23,17 @@ fn a_case_worked_by_hand() {
     near(found.rel_mse, (0.09 / 1.01 + 0.16 / 4.01) / 6.0);
     near(found.smape, (0.6 / 2.3 + 0.8 / 3.6) / 6.0);
     assert_eq!(found.psnr, f64::INFINITY); // all four lie at or above white
-    assert_eq!(
-        (found.pixels_over, found.non_finite, found.pixels),
-        (2, 0, 2)
-    );
+    assert_eq!((found.pixels_over, found.non_finite, found.pixels), (2, 0, 2));
 }
 
 #[test]
 fn psnr_is_of_what_the_screen_shows() {
     // sRGB: linear 0.214041 is display 0.5, 0.050876 is 0.25: one of three channels is a quarter off.
-    let (a, b) = (
-        image(&[[0.214_041, 0.0, 9.0]]),
-        image(&[[0.050_876, -1.0, 5.0]]),
-    );
+    let (a, b) = (image(&[[0.214_041, 0.0, 9.0]]), image(&[[0.050_876, -1.0, 5.0]]));
     let found = measure(&a, &b, &SETTINGS).unwrap().psnr;
-    assert!(
-        (found - -10.0 * (0.0625f64 / 3.0).log10()).abs() < 1e-3,
-        "{found}"
-    ); // six digits of the inputs
+    assert!((found - -10.0 * (0.0625f64 / 3.0).log10()).abs() < 1e-3, "{found}"); // six digits of the inputs
     // Two stops down everything but white shows, so more of the difference does.
-    let darker = Settings {
-        exposure: -4.0,
-        ..SETTINGS
-    };
+    let darker = Settings { exposure: -4.0, ..SETTINGS };
     let (a, b) = (image(&[[9.0; 3]]), image(&[[5.0; 3]]));
     assert_eq!(measure(&a, &b, &SETTINGS).unwrap().psnr, f64::INFINITY);
     assert!(measure(&a, &b, &darker).unwrap().psnr < 20.0);
@@ -61,20 +43,8 @@ fn psnr_is_of_what_the_screen_shows() {
 fn every_metric_flags_a_difference_and_none_flags_equality() {
     let reference = Image::from_fn(16, 16, |x, y| [x as f32 / 16.0, y as f32 / 16.0, 0.5]);
     let equal = measure(&reference, &reference, &SETTINGS).unwrap();
-    assert_eq!(
-        (
-            equal.rmse,
-            equal.mae,
-            equal.max_abs,
-            equal.rel_mse,
-            equal.smape
-        ),
-        (0.0, 0.0, 0.0, 0.0, 0.0)
-    );
-    assert_eq!(
-        (equal.psnr, equal.pixels_over, equal.pixels),
-        (f64::INFINITY, 0, 256)
-    );
+    assert_eq!((equal.rmse, equal.mae, equal.max_abs, equal.rel_mse, equal.smape), (0.0, 0.0, 0.0, 0.0, 0.0));
+    assert_eq!((equal.psnr, equal.pixels_over, equal.pixels), (f64::INFINITY, 0, 256));
 
     // One channel of one pixel of 256 is enough.
     let mut x = reference.clone();
@@ -95,22 +65,8 @@ fn rel_mse_and_smape_weigh_by_the_reference() {
     assert!((bright.rel_mse - 1e-4 / 100.01).abs() < 1e-9); // float32 near 10 has steps of 1e-6
     near(dark.smape, 2.0 / 3.0);
     // SMAPE does not care which is the reference; of opposite signs it is 2, of two zeros 0.
-    near(
-        measure(&image(&[[0.01; 3]]), &image(&[[0.02; 3]]), &SETTINGS)
-            .unwrap()
-            .smape,
-        2.0 / 3.0,
-    );
-    near(
-        measure(
-            &image(&[[1.0, 0.0, 1.0]]),
-            &image(&[[0.0, 0.0, 1.0]]),
-            &SETTINGS,
-        )
-        .unwrap()
-        .smape,
-        2.0 / 3.0,
-    );
+    near(measure(&image(&[[0.01; 3]]), &image(&[[0.02; 3]]), &SETTINGS).unwrap().smape, 2.0 / 3.0);
+    near(measure(&image(&[[1.0, 0.0, 1.0]]), &image(&[[0.0, 0.0, 1.0]]), &SETTINGS).unwrap().smape, 2.0 / 3.0);
 }
 
 #[test]
@@ -120,14 +76,7 @@ fn nan_and_infinity_fail_every_bound() {
         let x = image(&[[1.0; 3], [2.0, bad, 2.0]]);
         for (x, reference) in [(&x, &good), (&good, &x), (&x, &x)] {
             let found = measure(x, reference, &SETTINGS).unwrap();
-            for metric in [
-                found.rmse,
-                found.mae,
-                found.max_abs,
-                found.rel_mse,
-                found.smape,
-                -found.psnr,
-            ] {
+            for metric in [found.rmse, found.mae, found.max_abs, found.rel_mse, found.smape, -found.psnr] {
                 assert_eq!(metric, f64::INFINITY);
             }
             assert_eq!((found.pixels_over, found.non_finite), (1, 1));
@@ -137,10 +86,7 @@ fn nan_and_infinity_fail_every_bound() {
 
 #[test]
 fn the_tolerance_is_absolute_plus_relative() {
-    let within = Within {
-        abs: 0.5,
-        rel: 0.25,
-    };
+    let within = Within { abs: 0.5, rel: 0.25 };
     assert!(!within.apart([4.0, 0.0, -4.0], [2.5, 0.5, -2.5])); // 1.5 = 0.5 + 0.25 · 4
     assert!(within.apart([4.0; 3], [4.0, 4.0, 2.4]));
     assert!(within.apart([0.0; 3], [0.0, 0.7, 0.0]));
@@ -153,16 +99,8 @@ fn excluded_pixels_do_not_count_and_all_others_do() {
     let x = image(&[[1.5; 3], [f32::NAN; 3], [3.25; 3]]);
     let found = measure_except(&x, &reference, &vec![false, true, false], &SETTINGS).unwrap();
     near(found.mae, 0.375);
-    assert_eq!(
-        (found.pixels, found.pixels_over, found.non_finite),
-        (2, 2, 0)
-    );
-    assert_eq!(
-        measure_except(&x, &reference, &vec![false; 3], &SETTINGS)
-            .unwrap()
-            .mae,
-        f64::INFINITY
-    );
+    assert_eq!((found.pixels, found.pixels_over, found.non_finite), (2, 2, 0));
+    assert_eq!(measure_except(&x, &reference, &vec![false; 3], &SETTINGS).unwrap().mae, f64::INFINITY);
     // A mask that excludes everything, or is of another image, is no pass.
     assert!(measure_except(&x, &reference, &vec![true; 3], &SETTINGS).is_err());
     assert!(measure_except(&x, &reference, &vec![false; 2], &SETTINGS).is_err());
@@ -184,8 +122,5 @@ fn sums_do_not_stall() {
     let reference = Image::new(1000, 1000);
     let mut x = Image::from_fn(1000, 1000, |_, _| [1e-4; 3]);
     x.pixels[0] = [1e4; 3];
-    near(
-        measure(&x, &reference, &SETTINGS).unwrap().mae,
-        (1e4 + 999_999.0 * 1e-4) / 1e6,
-    );
+    near(measure(&x, &reference, &SETTINGS).unwrap().mae, (1e4 + 999_999.0 * 1e-4) / 1e6);
 }

@@ -27,34 +27,17 @@ const PARALLEL: f64 = 1e-6;
 /// digits left for the direction.
 const SAME_POINT: f64 = 1e-12;
 
-pub(super) const COORDINATE: Rule = Rule {
-    holds: |x| x.abs() <= FARTHEST,
-    expected: "a coordinate in metres between -1e15 and 1e15",
-};
-pub(super) const DIRECTION: Rule = Rule {
-    holds: |x| x.abs() <= FARTHEST,
-    expected: "a number between -1e15 and 1e15",
-};
-pub(super) const RADIUS: Rule = Rule {
-    holds: |x| (SMALLEST..=FARTHEST).contains(&x),
-    expected: "a radius > 0 (in metres, 1e-15 to 1e15)",
-};
-pub(super) const FOV: Rule = Rule {
-    holds: |x| x > 0.0 && x < 180.0,
-    expected: "an angle in degrees, more than 0 and less than 180",
-};
-pub(super) const INTENSITY: Rule = Rule {
-    holds: |x| (0.0..=BRIGHTEST).contains(&x),
-    expected: "an intensity in W/sr from 0 to 1e30",
-};
-pub(super) const COLOR: Rule = Rule {
-    holds: |x| (0.0..=1.0).contains(&x),
-    expected: "a reflectance from 0 to 1",
-};
-pub(super) const SHARE: Rule = Rule {
-    holds: |x| (0.0..=1.0).contains(&x),
-    expected: "a share from 0 to 1",
-};
+pub(super) const COORDINATE: Rule =
+    Rule { holds: |x| x.abs() <= FARTHEST, expected: "a coordinate in metres between -1e15 and 1e15" };
+pub(super) const DIRECTION: Rule = Rule { holds: |x| x.abs() <= FARTHEST, expected: "a number between -1e15 and 1e15" };
+pub(super) const RADIUS: Rule =
+    Rule { holds: |x| (SMALLEST..=FARTHEST).contains(&x), expected: "a radius > 0 (in metres, 1e-15 to 1e15)" };
+pub(super) const FOV: Rule =
+    Rule { holds: |x| x > 0.0 && x < 180.0, expected: "an angle in degrees, more than 0 and less than 180" };
+pub(super) const INTENSITY: Rule =
+    Rule { holds: |x| (0.0..=BRIGHTEST).contains(&x), expected: "an intensity in W/sr from 0 to 1e30" };
+pub(super) const COLOR: Rule = Rule { holds: |x| (0.0..=1.0).contains(&x), expected: "a reflectance from 0 to 1" };
+pub(super) const SHARE: Rule = Rule { holds: |x| (0.0..=1.0).contains(&x), expected: "a share from 0 to 1" };
 pub(super) const ROUGHNESS: Rule = Rule {
     holds: |x| x == 0.0 || (NARROWEST_LOBE..=1.0).contains(&x),
     expected: "a roughness from 0.001 to 1, or 0 for a perfect mirror",
@@ -64,10 +47,8 @@ pub(super) const IOR: Rule = Rule {
     holds: |x| (1.0..=1e4).contains(&x),
     expected: "an index of refraction from 1 to 1e4",
 };
-pub(super) const AMBIENT: Rule = Rule {
-    holds: |x| (0.0..=BRIGHTEST).contains(&x),
-    expected: "an ambient radiance from 0 to 1e30",
-};
+pub(super) const AMBIENT: Rule =
+    Rule { holds: |x| (0.0..=BRIGHTEST).contains(&x), expected: "an ambient radiance from 0 to 1e30" };
 pub(super) const EXPOSURE: Rule = Rule {
     // 2^±120 are normal float32 numbers.
     holds: |x| x.abs() <= 120.0,
@@ -78,16 +59,9 @@ pub(super) const EXPOSURE: Rule = Rule {
 pub(super) fn camera(table: &Table, camera: &Camera) -> Read<()> {
     let look_at = table.need("look_at", "")?;
     let view = camera.look_at - camera.position;
-    let scale = camera
-        .position
-        .abs()
-        .max(camera.look_at.abs())
-        .max_element();
+    let scale = camera.position.abs().max(camera.look_at.abs()).max_element();
     if view.length() <= SAME_POINT * scale {
-        let expected = format!(
-            "a point other than the camera's position {}",
-            shown(camera.position)
-        );
+        let expected = format!("a point other than the camera's position {}", shown(camera.position));
         return Err(look_at.wrong(expected));
     }
     let up = table.get("up");
@@ -96,14 +70,10 @@ pub(super) fn camera(table: &Table, camera: &Camera) -> Read<()> {
     };
     if direction.cross(view.normalize()).length() < PARALLEL {
         return Err(match up {
-            Some(up) => up.wrong(format!(
-                "a direction not parallel to the view {}",
-                shown(view)
-            )),
+            Some(up) => up.wrong(format!("a direction not parallel to the view {}", shown(view))),
             None => {
                 let mut error = look_at.wrong("an up = [x, y, z] that is not parallel to the view");
-                error.found +=
-                    " straight above or below position, parallel to the default up = [0, 1, 0]";
+                error.found += " straight above or below position, parallel to the default up = [0, 1, 0]";
                 error
             }
         });
@@ -113,19 +83,12 @@ pub(super) fn camera(table: &Table, camera: &Camera) -> Read<()> {
 
 /// Refuses a material whose shares add up to more light than arrives.
 pub(super) fn shares(table: &Table, material: &Material) -> Read<()> {
-    let Material {
-        diffuse,
-        specular,
-        transmission,
-        ..
-    } = *material;
+    let Material { diffuse, specular, transmission, .. } = *material;
     if diffuse + specular + transmission <= 1.0 + SHARES_SLACK {
         return Ok(());
     }
-    let mut given: Vec<Field> = ["diffuse", "specular", "transmission"]
-        .into_iter()
-        .filter_map(|key| table.get(key))
-        .collect();
+    let mut given: Vec<Field> =
+        ["diffuse", "specular", "transmission"].into_iter().filter_map(|key| table.get(key)).collect();
     given.sort_by_key(Field::at);
     let quoted: Vec<String> = given.iter().map(Field::quote).collect();
     // The last one written is the one that broke the sum. There is one, as the defaults add up to 1.
@@ -138,18 +101,8 @@ pub(super) fn shares(table: &Table, material: &Material) -> Read<()> {
 pub(super) fn not_supported_yet(table: &Table, material: &Material) -> Read<()> {
     let mirror = material.specular > 0.0 && material.roughness == 0.0;
     let refused = [
-        (
-            mirror,
-            "specular",
-            " with roughness 0",
-            "roughness > 0: perfect mirrors are not supported yet",
-        ),
-        (
-            material.transmission > 0.0,
-            "transmission",
-            "",
-            "0: glass is not supported yet",
-        ),
+        (mirror, "specular", " with roughness 0", "roughness > 0: perfect mirrors are not supported yet"),
+        (material.transmission > 0.0, "transmission", "", "0: glass is not supported yet"),
     ];
     for (present, key, detail, expected) in refused {
         if let (true, Some(field)) = (present, table.get(key)) {
@@ -170,9 +123,7 @@ pub(super) fn plane(normal: (Field, DVec3), offset: (Field, f64)) -> Read<(DVec3
     if distance.is_finite() && (COORDINATE.holds)(distance) {
         return Ok((unit, distance));
     }
-    let mut error = offset
-        .0
-        .wrong("a plane within 1e15 m of the origin (offset / length of normal)");
+    let mut error = offset.0.wrong("a plane within 1e15 m of the origin (offset / length of normal)");
     error.found += &format!(" with {}", normal.0.quote());
     Err(error)
 }

@@ -30,8 +30,7 @@ pub fn load(path: &Path) -> Result<Scene, Box<SceneError>> {
             did_you_mean: None,
         })
     };
-    let unreadable =
-        |error: std::io::Error| refused(error.to_string(), "a scene file (TOML) that can be read");
+    let unreadable = |error: std::io::Error| refused(error.to_string(), "a scene file (TOML) that can be read");
     let too_large = |found: String| {
         let expected = format!("a scene of at most {} MiB", MAX_FILE_BYTES >> 20);
         refused(found, &expected)
@@ -48,10 +47,7 @@ pub fn load(path: &Path) -> Result<Scene, Box<SceneError>> {
     // A pipe has no size to ask for, and a file may grow: read no more than one byte too many.
     let mut bytes = Vec::with_capacity(metadata.len() as usize);
     let opened = File::open(path).map_err(unreadable)?;
-    opened
-        .take(MAX_FILE_BYTES + 1)
-        .read_to_end(&mut bytes)
-        .map_err(unreadable)?;
+    opened.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
     if bytes.len() as u64 > MAX_FILE_BYTES {
         return Err(too_large(format!("more than {} MiB", MAX_FILE_BYTES >> 20)));
     }
@@ -75,10 +71,7 @@ pub fn parse_bytes(bytes: &[u8], file: &str) -> Result<Scene, Box<SceneError>> {
     Err(Box::new(SceneError {
         file: file.to_owned(),
         position: Some(Position::of(&valid, invalid)),
-        found: format!(
-            "byte 0x{:02X} at offset {invalid}, which is not UTF-8",
-            bytes[invalid]
-        ),
+        found: format!("byte 0x{:02X} at offset {invalid}, which is not UTF-8", bytes[invalid]),
         expected,
         did_you_mean: None,
     }))
@@ -95,16 +88,8 @@ pub fn parse(text: &str, file: &str) -> Result<Scene, Box<SceneError>> {
         return Err(source.error(0, "an empty file", "a scene with at least a [camera]"));
     }
     let tree = DeTable::parse(text).map_err(|error| syntax(&source, &error))?;
-    let name = Path::new(file)
-        .file_stem()
-        .unwrap_or_default()
-        .to_string_lossy();
-    let root = Table {
-        text: &source,
-        title: "the scene".into(),
-        at: 0,
-        entries: tree.get_ref(),
-    };
+    let name = Path::new(file).file_stem().unwrap_or_default().to_string_lossy();
+    let root = Table { text: &source, title: "the scene".into(), at: 0, entries: tree.get_ref() };
     sections::scene(&root, &name)
 }
 
@@ -127,17 +112,11 @@ fn syntax(source: &Text, error: &toml::de::Error) -> Box<SceneError> {
         None => (error.message(), "valid TOML"),
     };
     match (what, expected) {
-        ("duplicate key", _) => source.error(
-            at,
-            format!("{here} a second time"),
-            "each key and table once",
-        ),
+        ("duplicate key", _) => source.error(at, format!("{here} a second time"), "each key and table once"),
         // Said of anything that cannot be a value, even of nothing at all.
-        ("string values must be quoted", _) => source.error(
-            at,
-            here,
-            "a number, a \"string\" in quotes, an [array] or a {table}",
-        ),
+        ("string values must be quoted", _) => {
+            source.error(at, here, "a number, a \"string\" in quotes, an [array] or a {table}")
+        }
         (_, "nothing") => source.error(at, format!("{here}: {what}"), "nothing here"),
         (_, expected) => {
             let expected = match expected.rsplit_once(", ") {

@@ -8,8 +8,7 @@ use super::check::{self, *};
 use super::error::near;
 use super::table::{Field, Read, Table};
 use super::{
-    Camera, GATHER_NAMES, LIGHT_NAMES, MAX_IMAGE_SIDE, Material, Plane, PointLight, RenderDefaults,
-    Scene, Sphere,
+    Camera, GATHER_NAMES, LIGHT_NAMES, MAX_IMAGE_SIDE, Material, Plane, PointLight, RenderDefaults, Scene, Sphere,
 };
 
 const XYZ: &str = "three numbers [x, y, z]";
@@ -18,28 +17,15 @@ const NAME: &str = "a material's name in quotes";
 
 /// Reads the whole file from its root table; `name` becomes the scene's.
 pub(super) fn scene(root: &Table, name: &str) -> Read<Scene> {
-    root.allow_only(&[
-        "camera",
-        "materials",
-        "lights",
-        "spheres",
-        "planes",
-        "render",
-    ])?;
-    let camera = camera(
-        &root
-            .need("camera", "[camera] with position and look_at")?
-            .table("[camera]")?,
-    )?;
+    root.allow_only(&["camera", "materials", "lights", "spheres", "planes", "render"])?;
+    let camera = camera(&root.need("camera", "[camera] with position and look_at")?.table("[camera]")?)?;
     let materials = materials(root)?;
     let names = Names::new(&materials);
     Ok(Scene {
         name: name.to_owned(),
         camera,
         lights: list(root, "lights", "[[lights]]", light)?,
-        spheres: list(root, "spheres", "[[spheres]]", |table| {
-            sphere(table, &names)
-        })?,
+        spheres: list(root, "spheres", "[[spheres]]", |table| sphere(table, &names))?,
         planes: list(root, "planes", "[[planes]]", |table| plane(table, &names))?,
         render: match root.get("render") {
             Some(field) => render(&field.table("[render]")?)?,
@@ -65,15 +51,9 @@ fn list<'a, T>(
 fn camera(table: &Table) -> Read<Camera> {
     table.allow_only(&["position", "look_at", "up", "fov_y"])?;
     let camera = Camera {
-        position: table
-            .need("position", "position = [x, y, z]")?
-            .vector(XYZ, &COORDINATE)?,
-        look_at: table
-            .need("look_at", "look_at = [x, y, z]")?
-            .vector(XYZ, &COORDINATE)?,
-        up: table
-            .get("up")
-            .map_or(Ok(DVec3::Y), |up| up.vector(XYZ, &DIRECTION))?,
+        position: table.need("position", "position = [x, y, z]")?.vector(XYZ, &COORDINATE)?,
+        look_at: table.need("look_at", "look_at = [x, y, z]")?.vector(XYZ, &COORDINATE)?,
+        up: table.get("up").map_or(Ok(DVec3::Y), |up| up.vector(XYZ, &DIRECTION))?,
         fov_y: table.number_or("fov_y", &FOV, 45.0)?,
     };
     check::camera(table, &camera)?;
@@ -98,24 +78,14 @@ fn materials(root: &Table) -> Read<Vec<Material>> {
 }
 
 fn material(name: &str, table: &Table) -> Read<Material> {
-    table.allow_only(&[
-        "color",
-        "diffuse",
-        "specular",
-        "roughness",
-        "transmission",
-        "ior",
-        "ambient",
-    ])?;
+    table.allow_only(&["color", "diffuse", "specular", "roughness", "transmission", "ior", "ambient"])?;
     let specular = table.number_or("specular", &SHARE, 0.0)?;
     let transmission = table.number_or("transmission", &SHARE, 0.0)?;
     // Where specular and transmission take more than 1 already, `shares` says so; diffuse must not hide it.
     let rest = (1.0 - specular - transmission).max(0.0);
     let material = Material {
         name: name.to_owned(),
-        color: table
-            .need("color", "color = [r, g, b]")?
-            .vector(RGB, &COLOR)?,
+        color: table.need("color", "color = [r, g, b]")?.vector(RGB, &COLOR)?,
         diffuse: table.number_or("diffuse", &SHARE, rest)?,
         specular,
         roughness: table.number_or("roughness", &ROUGHNESS, 0.0)?,
@@ -131,24 +101,16 @@ fn material(name: &str, table: &Table) -> Read<Material> {
 fn light(table: &Table) -> Read<PointLight> {
     table.allow_only(&["position", "intensity"])?;
     Ok(PointLight {
-        position: table
-            .need("position", "position = [x, y, z]")?
-            .vector(XYZ, &COORDINATE)?,
-        intensity: table
-            .need("intensity", "intensity = [r, g, b]")?
-            .vector(RGB, &INTENSITY)?,
+        position: table.need("position", "position = [x, y, z]")?.vector(XYZ, &COORDINATE)?,
+        intensity: table.need("intensity", "intensity = [r, g, b]")?.vector(RGB, &INTENSITY)?,
     })
 }
 
 fn sphere(table: &Table, names: &Names) -> Read<Sphere> {
     table.allow_only(&["center", "radius", "material"])?;
     Ok(Sphere {
-        center: table
-            .need("center", "center = [x, y, z]")?
-            .vector(XYZ, &COORDINATE)?,
-        radius: table
-            .need("radius", "radius = a number > 0")?
-            .number(&RADIUS)?,
+        center: table.need("center", "center = [x, y, z]")?.vector(XYZ, &COORDINATE)?,
+        radius: table.need("radius", "radius = a number > 0")?.number(&RADIUS)?,
         material: names.index(&table.need("material", "material = \"NAME\"")?)?,
     })
 }
@@ -157,43 +119,27 @@ fn plane(table: &Table, names: &Names) -> Read<Plane> {
     table.allow_only(&["normal", "offset", "material"])?;
     let normal = table.need("normal", "normal = [x, y, z]")?;
     let offset = table.need("offset", "offset = a number: dot(normal, p) = offset")?;
-    let (normal, offset) = check::plane(
-        (normal, normal.vector(XYZ, &DIRECTION)?),
-        (offset, offset.number(&COORDINATE)?),
-    )?;
-    Ok(Plane {
-        normal,
-        offset,
-        material: names.index(&table.need("material", "material = \"NAME\"")?)?,
-    })
+    let (normal, offset) =
+        check::plane((normal, normal.vector(XYZ, &DIRECTION)?), (offset, offset.number(&COORDINATE)?))?;
+    Ok(Plane { normal, offset, material: names.index(&table.need("material", "material = \"NAME\"")?)? })
 }
 
 fn render(table: &Table) -> Read<RenderDefaults> {
-    table.allow_only(&[
-        "size", "photons", "radius", "gather", "light", "passes", "exposure",
-    ])?;
+    table.allow_only(&["size", "photons", "radius", "gather", "light", "passes", "exposure"])?;
     let get = |key| table.get(key);
     Ok(RenderDefaults {
         size: get("size").map(|field| size(&field)).transpose()?,
         photons: get("photons")
             .map(|field| field.integer(1..=i64::MAX as u64, "a whole number of photons > 0"))
             .transpose()?,
-        radius: get("radius")
-            .map(|field| field.number(&RADIUS))
-            .transpose()?,
-        gather: get("gather")
-            .map(|field| field.choice(&GATHER_NAMES))
-            .transpose()?,
-        light: get("light")
-            .map(|field| field.choice(&LIGHT_NAMES))
-            .transpose()?,
+        radius: get("radius").map(|field| field.number(&RADIUS)).transpose()?,
+        gather: get("gather").map(|field| field.choice(&GATHER_NAMES)).transpose()?,
+        light: get("light").map(|field| field.choice(&LIGHT_NAMES)).transpose()?,
         passes: get("passes")
             .map(|field| field.integer(1..=u32::MAX.into(), "a whole number of passes > 0"))
             .transpose()?
             .map(|passes| passes as u32),
-        exposure: get("exposure")
-            .map(|field| field.number(&EXPOSURE))
-            .transpose()?,
+        exposure: get("exposure").map(|field| field.number(&EXPOSURE)).transpose()?,
     })
 }
 
@@ -218,10 +164,7 @@ impl<'a> Names<'a> {
     /// Index of the material that `field` names.
     fn index(&self, field: &Field) -> Read<usize> {
         let name = field.string(NAME)?;
-        self.0
-            .get(name)
-            .copied()
-            .ok_or_else(|| self.unknown(field, name))
+        self.0.get(name).copied().ok_or_else(|| self.unknown(field, name))
     }
 
     fn unknown(&self, field: &Field, name: &str) -> Box<super::SceneError> {

@@ -20,12 +20,7 @@ pub(super) struct Text<'a> {
 
 impl Text<'_> {
     /// An error at the byte `offset`.
-    pub fn error(
-        &self,
-        offset: usize,
-        found: impl Into<String>,
-        expected: impl Into<String>,
-    ) -> Box<SceneError> {
+    pub fn error(&self, offset: usize, found: impl Into<String>, expected: impl Into<String>) -> Box<SceneError> {
         Box::new(SceneError {
             file: self.file.to_owned(),
             position: Some(Position::of(self.text, offset)),
@@ -45,11 +40,7 @@ impl Text<'_> {
                 line.push(' ');
             }
             // Control characters would garble a terminal.
-            line.extend(
-                word.chars()
-                    .take(LONGEST + 1)
-                    .map(|c| if c.is_control() { '\u{fffd}' } else { c }),
-            );
+            line.extend(word.chars().take(LONGEST + 1).map(|c| if c.is_control() { '\u{fffd}' } else { c }));
             if line.chars().count() > LONGEST {
                 return line.chars().take(LONGEST - 1).chain(['…']).collect();
             }
@@ -86,11 +77,7 @@ impl<'a> Table<'a> {
         let Some(key) = first else { return Ok(()) };
         let mut error = self.text.error(
             key.span().start,
-            format!(
-                "unknown key `{}` in {}",
-                self.text.quote(key.span()),
-                self.title
-            ),
+            format!("unknown key `{}` in {}", self.text.quote(key.span()), self.title),
             format!("one of {}", known.join(", ")),
         );
         error.did_you_mean = near(key.get_ref(), known.iter().copied());
@@ -104,26 +91,17 @@ impl<'a> Table<'a> {
 
     /// One of the table's values, under the name that messages shall use.
     pub fn entry(&self, key: &'static str, value: &'a Spanned<DeValue<'a>>) -> Field<'a> {
-        Field {
-            text: self.text,
-            key,
-            index: None,
-            value,
-        }
+        Field { text: self.text, key, index: None, value }
     }
 
     /// The value of `key`, which has no default; `expected` shows how it is written.
     pub fn need(&self, key: &'static str, expected: &str) -> Read<Field<'a>> {
-        self.get(key).ok_or_else(|| {
-            self.text
-                .error(self.at, format!("{} without {key}", self.title), expected)
-        })
+        self.get(key).ok_or_else(|| self.text.error(self.at, format!("{} without {key}", self.title), expected))
     }
 
     /// The number `key`, or `default` without it.
     pub fn number_or(&self, key: &'static str, rule: &Rule, default: f64) -> Read<f64> {
-        self.get(key)
-            .map_or(Ok(default), |field| field.number(rule))
+        self.get(key).map_or(Ok(default), |field| field.number(rule))
     }
 }
 
@@ -152,9 +130,7 @@ impl<'a> Field<'a> {
         };
         match self.value.get_ref() {
             DeValue::Table(_) => format!("{name} as a table"),
-            DeValue::Array(array)
-                if matches!(array.first().map(Spanned::get_ref), Some(DeValue::Table(_))) =>
-            {
+            DeValue::Array(array) if matches!(array.first().map(Spanned::get_ref), Some(DeValue::Table(_))) => {
                 format!("{name} as an array of tables")
             }
             _ => format!("{name} = {}", self.text.quote(self.value.span())),
@@ -184,18 +160,13 @@ impl<'a> Field<'a> {
     pub fn number(&self, rule: &Rule) -> Read<f64> {
         let number = match self.value.get_ref() {
             DeValue::Float(float) => float.as_str().parse().unwrap_or(f64::NAN),
-            DeValue::Integer(integer) if integer.radix() == 10 => {
-                integer.as_str().parse().unwrap_or(f64::NAN)
+            DeValue::Integer(integer) if integer.radix() == 10 => integer.as_str().parse().unwrap_or(f64::NAN),
+            DeValue::Integer(integer) => {
+                i128::from_str_radix(integer.as_str(), integer.radix()).map_or(f64::NAN, |i| i as f64)
             }
-            DeValue::Integer(integer) => i128::from_str_radix(integer.as_str(), integer.radix())
-                .map_or(f64::NAN, |i| i as f64),
             _ => return Err(self.wrong_type(rule.expected)),
         };
-        if number.is_finite() && (rule.holds)(number) {
-            Ok(number)
-        } else {
-            Err(self.wrong(rule.expected))
-        }
+        if number.is_finite() && (rule.holds)(number) { Ok(number) } else { Err(self.wrong(rule.expected)) }
     }
 
     /// A whole number in `range`.
@@ -241,65 +212,39 @@ impl<'a> Field<'a> {
             error.found += &format!(" ({} value{plural})", array.len());
             return Err(error);
         }
-        Ok(std::array::from_fn(|index| {
-            self.element(index, &array[index])
-        }))
+        Ok(std::array::from_fn(|index| self.element(index, &array[index])))
     }
 
     /// Three numbers that each obey `rule`.
     pub fn vector(&self, expected: &str, rule: &Rule) -> Read<DVec3> {
         let [x, y, z] = self.array(expected)?;
-        Ok(DVec3::new(
-            x.number(rule)?,
-            y.number(rule)?,
-            z.number(rule)?,
-        ))
+        Ok(DVec3::new(x.number(rule)?, y.number(rule)?, z.number(rule)?))
     }
 
     /// A table, called `title` from here on.
     pub fn table(&self, title: impl Into<Cow<'a, str>>) -> Read<Table<'a>> {
         let title = title.into();
         match self.value.get_ref() {
-            DeValue::Table(entries) => Ok(Table {
-                text: self.text,
-                title,
-                at: self.at(),
-                entries,
-            }),
+            DeValue::Table(entries) => Ok(Table { text: self.text, title, at: self.at(), entries }),
             _ => Err(self.wrong_type(&format!("a table {title}"))),
         }
     }
 
     /// The tables of an array of tables, each called `title`.
-    pub fn tables(
-        &self,
-        title: &'static str,
-    ) -> Read<impl ExactSizeIterator<Item = Read<Table<'a>>>> {
+    pub fn tables(&self, title: &'static str) -> Read<impl ExactSizeIterator<Item = Read<Table<'a>>>> {
         let DeValue::Array(array) = self.value.get_ref() else {
             return Err(self.wrong_type(&format!("an array of tables, each written {title}")));
         };
         let field = *self;
-        Ok(array
-            .iter()
-            .enumerate()
-            .map(move |(index, value)| match value.get_ref() {
-                DeValue::Table(entries) => Ok(Table {
-                    text: field.text,
-                    title: title.into(),
-                    at: value.span().start,
-                    entries,
-                }),
-                _ => Err(field
-                    .element(index, value)
-                    .wrong_type(&format!("a table {title}"))),
-            }))
+        Ok(array.iter().enumerate().map(move |(index, value)| match value.get_ref() {
+            DeValue::Table(entries) => {
+                Ok(Table { text: field.text, title: title.into(), at: value.span().start, entries })
+            }
+            _ => Err(field.element(index, value).wrong_type(&format!("a table {title}"))),
+        }))
     }
 
     fn element(&self, index: usize, value: &'a Spanned<DeValue<'a>>) -> Field<'a> {
-        Field {
-            index: Some(index),
-            value,
-            ..*self
-        }
+        Field { index: Some(index), value, ..*self }
     }
 }

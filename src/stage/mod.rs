@@ -1,5 +1,9 @@
 //! Stages on their devices: arguments, sizes, launches. Each has a twin of the same name in `cpu`.
 
+pub mod grid;
+pub mod map;
+pub mod photon_textures;
 pub mod photons;
 pub mod scan;
+pub mod sort;
 pub mod trace;

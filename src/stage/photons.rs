@@ -12,6 +12,7 @@ use crate::layout::{
 };
 use crate::pack::Packed;
 use crate::source::{Options, assemble};
+use crate::stage::grid::Photons as StoredPhotons;
 use crate::stage::scan::Scan;
 
 /// A photon map on the device, in path order, then bounce order.
@@ -31,6 +32,17 @@ pub struct PhotonMap {
 }
 
 impl PhotonMap {
+    /// The map as the grid and the gathering take it.
+    pub fn view(&self) -> StoredPhotons<'_> {
+        StoredPhotons {
+            positions: &self.positions,
+            powers: &self.powers,
+            surfaces: &self.surfaces,
+            directions: self.directions.as_ref(),
+            count: self.stored,
+        }
+    }
+
     /// Bytes on the device.
     pub fn bytes(&self) -> usize {
         let directions = self.directions.as_ref().map_or(0, Buffer::bytes);

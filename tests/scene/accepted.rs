@@ -33,36 +33,16 @@ fn one_of_everything() {
             ambient: 0.0,
         }]
     );
-    let light = PointLight {
-        position: dvec3(0.0, 3.0, 0.0),
-        intensity: dvec3(10.0, 20.0, 30.0),
-    };
+    let light = PointLight { position: dvec3(0.0, 3.0, 0.0), intensity: dvec3(10.0, 20.0, 30.0) };
     assert_eq!(scene.lights, [light]);
-    assert_eq!(
-        scene.spheres,
-        [Sphere {
-            center: dvec3(0.0, 1.0, 0.0),
-            radius: 1.0,
-            material: 0
-        }]
-    );
+    assert_eq!(scene.spheres, [Sphere { center: dvec3(0.0, 1.0, 0.0), radius: 1.0, material: 0 }]);
     // 2y = −1 is the plane y = −1/2.
-    assert_eq!(
-        scene.planes,
-        [Plane {
-            normal: DVec3::Y,
-            offset: -0.5,
-            material: 0
-        }]
-    );
+    assert_eq!(scene.planes, [Plane { normal: DVec3::Y, offset: -0.5, material: 0 }]);
     let render = scene.render;
     assert_eq!(render.size, Some((640, 480)));
     assert_eq!((render.photons, render.passes), (Some(200_000), Some(4)));
     assert_eq!((render.radius, render.exposure), (Some(0.25), Some(-1.5)));
-    assert_eq!(
-        (render.gather.as_deref(), render.light.as_deref()),
-        (Some("tiled-grid"), Some("hybrid"))
-    );
+    assert_eq!((render.gather.as_deref(), render.light.as_deref()), (Some("tiled-grid"), Some("hybrid")));
 }
 
 #[test]
@@ -73,15 +53,10 @@ fn defaults() {
     );
     assert_eq!(scene.camera.up, DVec3::Y);
     assert_eq!(scene.camera.fov_y, 45.0);
-    let [z, a] = &scene.materials[..] else {
-        panic!("two materials")
-    };
+    let [z, a] = &scene.materials[..] else { panic!("two materials") };
     // The file's order, not the alphabet's.
     assert_eq!((z.name.as_str(), a.name.as_str()), ("z", "a"));
-    assert_eq!(
-        (z.diffuse, z.specular, z.roughness, z.transmission),
-        (1.0, 0.0, 0.0, 0.0)
-    );
+    assert_eq!((z.diffuse, z.specular, z.roughness, z.transmission), (1.0, 0.0, 0.0, 0.0));
     assert_eq!((z.ior, z.ambient), (1.5, 0.0));
     assert_eq!(a.diffuse, 0.7);
     assert_eq!(scene.render, Default::default());
@@ -98,19 +73,9 @@ fn scenes_may_lack_lights_or_objects() {
     assert!(accepts(&without(&["[[lights]]"])).lights.is_empty());
     assert!(accepts(&without(&["[[spheres]]"])).spheres.is_empty());
     assert!(accepts(&without(&["[[planes]]"])).planes.is_empty());
-    let bare = accepts(&without(&[
-        "[[lights]]",
-        "[[spheres]]",
-        "[[planes]]",
-        "[materials",
-        "[render]",
-    ]));
+    let bare = accepts(&without(&["[[lights]]", "[[spheres]]", "[[planes]]", "[materials", "[render]"]));
     assert!(bare.spheres.is_empty() && bare.planes.is_empty() && bare.materials.is_empty());
-    assert!(
-        accepts(&format!("lights = []\n{}", without(&["[[lights]]"])))
-            .lights
-            .is_empty()
-    );
+    assert!(accepts(&format!("lights = []\n{}", without(&["[[lights]]"]))).lights.is_empty());
 }
 
 #[test]
@@ -119,40 +84,19 @@ fn extremes_that_are_legal() {
         assert!(GOOD.contains(from));
         accepts(&GOOD.replace(from, to))
     };
-    assert_eq!(
-        with("10, 20, 30", "1e30, 1e-30, 0").lights[0].intensity,
-        dvec3(1e30, 1e-30, 0.0)
-    );
+    assert_eq!(with("10, 20, 30", "1e30, 1e-30, 0").lights[0].intensity, dvec3(1e30, 1e-30, 0.0));
     assert_eq!(with("53.13", "0.01").camera.fov_y, 0.01);
     assert_eq!(with("53.13", "179.9").camera.fov_y, 179.9);
-    assert_eq!(
-        with("radius = 1.0", "radius = 1e15").spheres[0].radius,
-        1e15
-    );
-    assert_eq!(
-        with("[0.9, 0.9, 0.8]", "[0, 1, 1.0]").materials[0].color,
-        dvec3(0.0, 1.0, 1.0)
-    );
+    assert_eq!(with("radius = 1.0", "radius = 1e15").spheres[0].radius, 1e15);
+    assert_eq!(with("[0.9, 0.9, 0.8]", "[0, 1, 1.0]").materials[0].color, dvec3(0.0, 1.0, 1.0));
     // 0.1 + 0.2 + 0.7 and others exceed 1 by an ulp.
-    with(
-        "diffuse = 0.5\nspecular = 0.25",
-        "diffuse = 0.9000000000000001\nspecular = 0.1",
-    );
+    with("diffuse = 0.5\nspecular = 0.25", "diffuse = 0.9000000000000001\nspecular = 0.1");
     // A normal whose squares vanish in f64, and one that is merely long.
-    assert_eq!(
-        with("[0, 2, 0]\noffset = -1", "[0, 0, 1e-300]\noffset = 0").planes[0].normal,
-        DVec3::Z
-    );
+    assert_eq!(with("[0, 2, 0]\noffset = -1", "[0, 0, 1e-300]\noffset = 0").planes[0].normal, DVec3::Z);
     let plane = &with("[0, 2, 0]\noffset = -1", "[3e9, 4e9, 0]\noffset = 5e9").planes[0];
-    assert!(
-        (plane.normal - dvec3(0.6, 0.8, 0.0)).length() < 1e-15
-            && (plane.offset - 1.0).abs() < 1e-15
-    );
+    assert!((plane.normal - dvec3(0.6, 0.8, 0.0)).length() < 1e-15 && (plane.offset - 1.0).abs() < 1e-15);
     // Integers in other bases, a byte order mark, Windows line ends, inline and dotted tables.
-    assert_eq!(
-        with("size = [640, 480]", "size = [0x280, 480]").render.size,
-        Some((640, 480))
-    );
+    assert_eq!(with("size = [640, 480]", "size = [0x280, 480]").render.size, Some((640, 480)));
     assert_eq!(with("radius = 1.0", "radius = 0b11").spheres[0].radius, 3.0);
     assert_eq!(accepts(&format!("\u{feff}{GOOD}")), accepts(GOOD));
     assert_eq!(accepts(&GOOD.replace('\n', "\r\n")), accepts(GOOD));
@@ -172,10 +116,7 @@ fn every_shipped_scene_loads() {
     let mut count = 0;
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
-        if path
-            .extension()
-            .is_some_and(|extension| extension == "toml")
-        {
+        if path.extension().is_some_and(|extension| extension == "toml") {
             load(&path).unwrap_or_else(|error| panic!("{error}"));
             count += 1;
         }
@@ -186,10 +127,7 @@ fn every_shipped_scene_loads() {
 #[test]
 fn reference_room_has_the_reports_numbers() {
     let scene = shipped("gi_ref");
-    assert_eq!(
-        (scene.spheres.len(), scene.planes.len(), scene.lights.len()),
-        (2, 6, 1)
-    );
+    assert_eq!((scene.spheres.len(), scene.planes.len(), scene.lights.len()), (2, 6, 1));
     assert_eq!(scene.camera.fov_y, 53.13);
     // The report states the light's flux: 600 W per channel.
     assert!((4.0 * PI * scene.lights[0].intensity.x - 600.0).abs() < 0.1);
@@ -203,22 +141,13 @@ fn reference_room_has_the_reports_numbers() {
         }
     }
     let red = &scene.materials[scene.planes[4].material];
-    assert_eq!(
-        (red.name.as_str(), red.color, red.diffuse),
-        ("red", dvec3(1.0, 0.2, 0.2), 1.0)
-    );
+    assert_eq!((red.name.as_str(), red.color, red.diffuse), ("red", dvec3(1.0, 0.2, 0.2), 1.0));
     assert_eq!(shipped("sphere_and_plane").materials[1].diffuse, 0.4);
-    assert_eq!(
-        shipped("gi_two_lights").lights[1].intensity,
-        dvec3(24.0, 20.0, 6.0)
-    );
+    assert_eq!(shipped("gi_two_lights").lights[1].intensity, dvec3(24.0, 20.0, 6.0));
     assert_eq!(shipped("color_bleeding").planes.len(), 6);
     // The furnace's answer of 1 needs I = π at 1 m, and the camera off the centre to mean anything.
     let furnace = shipped("furnace");
-    assert_eq!(
-        (furnace.spheres[0].radius, furnace.lights[0].intensity.x),
-        (1.0, PI)
-    );
+    assert_eq!((furnace.spheres[0].radius, furnace.lights[0].intensity.x), (1.0, PI));
     assert!(furnace.camera.position.length() > 0.1 && furnace.camera.position.length() < 0.9);
 }
 
@@ -230,11 +159,8 @@ fn hundred_thousand_spheres() {
     let mut inline = "spheres = [\n".to_owned();
     for i in 0..100_000 {
         let [x, y, z] = [0.123456, 0.654321, 0.314159].map(|k| (k * f64::from(i)).fract() * 100.0);
-        let sphere = [
-            format!("center = [{x:.6}, {y:.6}, {z:.6}]"),
-            "radius = 0.05".into(),
-            "material = \"white\"".into(),
-        ];
+        let sphere =
+            [format!("center = [{x:.6}, {y:.6}, {z:.6}]"), "radius = 0.05".into(), "material = \"white\"".into()];
         writeln!(tables, "[[spheres]]\n{}\n", sphere.join("\n")).unwrap();
         writeln!(inline, "  {{ {} }},", sphere.join(", ")).unwrap();
     }
@@ -251,12 +177,7 @@ fn hundred_thousand_spheres() {
             })
             .collect();
         times.sort();
-        println!(
-            "{form}: {:.1} MB, median {:?}, slowest {:?}",
-            text.len() as f64 / 1e6,
-            times[3],
-            times[6]
-        );
+        println!("{form}: {:.1} MB, median {:?}, slowest {:?}", text.len() as f64 / 1e6, times[3], times[6]);
     }
 }
 

@@ -11,10 +11,7 @@ fn check(bytes: &[u8]) -> Result<(), TestCaseError> {
         Err(error) => error,
     };
     in_file(bytes, &error)?;
-    prop_assert!(
-        !error.found.is_empty() && !error.expected.is_empty(),
-        "{error}"
-    );
+    prop_assert!(!error.found.is_empty() && !error.expected.is_empty(), "{error}");
     let printed = error.to_string();
     prop_assert!(!printed.contains(|c: char| c.is_control()), "{printed:?}");
     prop_assert!(printed.chars().count() < 500, "{printed:?}");
@@ -52,23 +49,14 @@ fn in_file(bytes: &[u8], error: &SceneError) -> Result<(), TestCaseError> {
     let line = bytes.split(|&byte| byte == b'\n').nth(place.line - 1);
     prop_assert!(line.is_some(), "{error} is after the last line");
     // One past the line's end is where something is missing.
-    let columns = String::from_utf8_lossy(line.unwrap_or_default())
-        .chars()
-        .count()
-        + 1;
-    prop_assert!(
-        (1..=columns).contains(&place.column),
-        "{error}: the line has {columns} columns"
-    );
+    let columns = String::from_utf8_lossy(line.unwrap_or_default()).chars().count() + 1;
+    prop_assert!((1..=columns).contains(&place.column), "{error}: the line has {columns} columns");
     Ok(())
 }
 
 /// Bytes that mean something to TOML, so that damage reaches further than the lexer.
 fn telling_byte() -> impl Strategy<Value = u8> {
-    prop_oneof![
-        any::<u8>(),
-        prop::sample::select(b"[]{}=.,\"'#\n\r\t _-+0129einfaxX\\\xEF\xC3".to_vec()),
-    ]
+    prop_oneof![any::<u8>(), prop::sample::select(b"[]{}=.,\"'#\n\r\t _-+0129einfaxX\\\xEF\xC3".to_vec()),]
 }
 
 #[test]

@@ -19,10 +19,7 @@ fn refuses_text(text: &str, line: usize, column: usize, parts: &[&str]) {
         Err(error) => error.to_string(),
     };
     let place = format!("scenes/x.toml:{line}:{column}: found ");
-    assert!(
-        message.starts_with(&place),
-        "{message}\nis not at {line}:{column}"
-    );
+    assert!(message.starts_with(&place), "{message}\nis not at {line}:{column}");
     assert!(message.contains(", expected "), "{message}");
     for part in parts {
         assert!(message.contains(part), "{message}\ndoes not say {part:?}");
@@ -31,11 +28,7 @@ fn refuses_text(text: &str, line: usize, column: usize, parts: &[&str]) {
 
 #[test]
 fn message_reads_as_documented() {
-    let error = parse(
-        &GOOD.replace("radius = 1.0", "radius = -1.0"),
-        "scenes/x.toml",
-    )
-    .unwrap_err();
+    let error = parse(&GOOD.replace("radius = 1.0", "radius = -1.0"), "scenes/x.toml").unwrap_err();
     let expected = "scenes/x.toml:23:10: found radius = -1.0, expected a radius > 0 (in metres, 1e-15 to 1e15)";
     assert_eq!(error.to_string(), expected);
 }
@@ -167,30 +160,12 @@ fn unknown_materials() {
         12,
         &["one of the materials white", "did you mean `white`"],
     );
-    refuses(
-        "\"white\"\n\n[render]",
-        "\"granite\"\n\n[render]",
-        29,
-        12,
-        &["material = \"granite\", expected"],
-    );
+    refuses("\"white\"\n\n[render]", "\"granite\"\n\n[render]", 29, 12, &["material = \"granite\", expected"]);
     let camera = "[camera]\nposition = [0, 0, 1]\nlook_at = [0, 0, 0]\n";
     let sphere = "[[spheres]]\ncenter = [0, 0, 0]\nradius = 1\nmaterial = \"red\"\n";
-    refuses_text(
-        &format!("{camera}{sphere}"),
-        7,
-        12,
-        &["which has none: add [materials.red]"],
-    );
-    let many: String = (0..1000)
-        .map(|i| format!("[materials.m{i}]\ncolor = [0, 0, 0]\n"))
-        .collect();
-    refuses_text(
-        &format!("{camera}{many}{sphere}"),
-        2007,
-        12,
-        &["one of the file's 1000 materials"],
-    );
+    refuses_text(&format!("{camera}{sphere}"), 7, 12, &["which has none: add [materials.red]"]);
+    let many: String = (0..1000).map(|i| format!("[materials.m{i}]\ncolor = [0, 0, 0]\n")).collect();
+    refuses_text(&format!("{camera}{many}{sphere}"), 2007, 12, &["one of the file's 1000 materials"]);
 }
 
 #[test]
@@ -261,25 +236,12 @@ fn empty_text() {
 
 #[test]
 fn bytes_that_are_not_utf8() {
-    let error = parse_bytes(b"# ok\n# \xC3\xBC \xFF", "x.toml")
-        .unwrap_err()
-        .to_string();
-    assert!(
-        error.starts_with("x.toml:2:5: found byte 0xFF at offset 10"),
-        "{error}"
-    );
+    let error = parse_bytes(b"# ok\n# \xC3\xBC \xFF", "x.toml").unwrap_err().to_string();
+    assert!(error.starts_with("x.toml:2:5: found byte 0xFF at offset 10"), "{error}");
     // A character cut off at the end of the file.
-    let error = parse_bytes(b"# ok\n\xE2\x82", "x.toml")
-        .unwrap_err()
-        .to_string();
-    assert!(
-        error.starts_with("x.toml:2:1: found byte 0xE2 at offset 5"),
-        "{error}"
-    );
-    let utf16: Vec<u8> = "\u{feff}[camera]"
-        .encode_utf16()
-        .flat_map(u16::to_le_bytes)
-        .collect();
+    let error = parse_bytes(b"# ok\n\xE2\x82", "x.toml").unwrap_err().to_string();
+    assert!(error.starts_with("x.toml:2:1: found byte 0xE2 at offset 5"), "{error}");
+    let utf16: Vec<u8> = "\u{feff}[camera]".encode_utf16().flat_map(u16::to_le_bytes).collect();
     let error = parse_bytes(&utf16, "x.toml").unwrap_err().to_string();
     assert!(error.contains("looks like UTF-16"), "{error}");
 }
@@ -294,22 +256,13 @@ fn files_that_cannot_be_read() {
         error.to_string()
     };
     let missing = message(&path);
-    assert!(
-        missing.starts_with(&format!("{}: found ", path.display())),
-        "{missing}"
-    );
+    assert!(missing.starts_with(&format!("{}: found ", path.display())), "{missing}");
     assert!(message(folder.path()).contains("found a directory, expected a scene file"));
 
     // 200 MB that take no disk and, if they were read, a noticeable time.
-    std::fs::File::create(&path)
-        .unwrap()
-        .set_len(200_000_000)
-        .unwrap();
+    std::fs::File::create(&path).unwrap().set_len(200_000_000).unwrap();
     assert!(message(&path).contains("found 190 MiB, expected a scene of at most 64 MiB"));
-    std::fs::File::create(&path)
-        .unwrap()
-        .set_len(MAX_FILE_BYTES + 1)
-        .unwrap();
+    std::fs::File::create(&path).unwrap().set_len(MAX_FILE_BYTES + 1).unwrap();
     assert!(message(&path).contains("at most 64 MiB"));
 }
 
@@ -328,12 +281,6 @@ fn a_loaded_file_carries_its_path_and_place() {
     std::fs::write(&path, GOOD.replace("radius = 1.0", "radius = -1.0")).unwrap();
     let error = load(&path).unwrap_err();
     assert_eq!(error.file, path.display().to_string());
-    assert_eq!(
-        error.position,
-        Some(Position {
-            line: 23,
-            column: 10
-        })
-    );
+    assert_eq!(error.position, Some(Position { line: 23, column: 10 }));
     assert_eq!(photile::error::Error::from(error).exit_code(), 2);
 }

@@ -1,0 +1,182 @@
+//! Twin of `glsl/shared/gather.glsl`: radiance from the photons around a point.
+
+use std::f32::consts::FRAC_1_PI;
+
+use glam::Vec3;
+
+use super::bsdf::ggx;
+use super::density::{kernel_peak, kernel_shape, visible_part};
+use super::grid::{GridTables, PhotonTables, cell_along, dense_row, face_of, grid_axes, hashed_row};
+use super::scene::{SceneTables, Surface};
+use crate::cells::Plan;
+use crate::gathering::{Gathering, Method};
+use crate::layout::Gather;
+
+/// A photon map as a picture sees it.
+#[derive(Clone, Copy)]
+pub struct PhotonMap<'a> {
+    /// How it is gathered.
+    pub gathering: &'a Gathering,
+    /// Radius, cells, faces.
+    pub plan: &'a Plan,
+    /// In path order: what [`Method::Brute`] reads.
+    pub stored: PhotonTables<'a>,
+    /// In the order of cells: what the others read.
+    pub grid: &'a GridTables,
+}
+
+/// What the photons around a point sum up to.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Gathered {
+    /// Σ ΔΦ·K/K(0), watts.
+    pub flux: Vec3,
+    /// Σ ΔΦ·K/K(0)·(GGX lobe), W/sr.
+    pub glint: Vec3,
+}
+
+/// A photon that lies within a query's disc.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Near {
+    /// Squared distance, m².
+    pub d2: f32,
+    /// Index into the tables that the method reads.
+    pub photon: usize,
+}
+
+/// Calls `visit` for each candidate photon (an index into the sorted tables) of a face around a point.
+pub fn for_each_candidate(map: &PhotonMap, face: usize, point: Vec3, mut visit: impl FnMut(usize)) {
+    let Gather { radius, cell, inverse_cell, bucket_mask, .. } = map.plan.gather;
+    let record = &map.plan.faces[face];
+    let origin = record.origin;
+    let (cell, inverse) = (grid_axes(cell, record.flipped), grid_axes(inverse_cell, record.flipped));
+    let size = 2.0 * point.abs().element_sum();
+    let reach = radius * 1.0005 + 5e-7 * (size + Vec3::from(origin).abs().element_sum());
+    let at = grid_axes(point.to_array(), record.flipped);
+    let at = [0, 1, 2].map(|axis| at[axis] - origin[axis]);
+    let mut range = [0, 1, 2]
+        .map(|axis| (cell_along(at[axis] - reach, inverse[axis]), cell_along(at[axis] + reach, inverse[axis])));
+    if !map.plan.hashed {
+        for axis in 1..3 {
+            range[axis] = (range[axis].0.max(0), range[axis].1.min(record.counts[axis] as i32 - 1));
+        }
+    }
+    let gap = |number: i32, axis: usize| {
+        let low = number as f32 * cell[axis];
+        (low - at[axis]).max(at[axis] - (low + cell[axis])).max(0.0)
+    };
+    for w in range[2].0..=range[2].1 {
+        let w_left = reach * reach - gap(w, 2) * gap(w, 2);
+        for v in range[1].0..=range[1].1 {
+            let chord = (w_left - gap(v, 1) * gap(v, 1)).max(0.0).sqrt();
+            let mut u_first = cell_along(at[0] - chord, inverse[0]);
+            let mut u_last = cell_along(at[0] + chord, inverse[0]);
+            let mut run = |bucket: i32, length: i32| {
+                let start = |c: i32| map.grid.cell_starts[c as usize] as usize;
+                (start(bucket)..start(bucket + length)).for_each(&mut visit);
+            };
+            if map.plan.hashed {
+                let mask = bucket_mask as i32;
+                u_last = u_last.min(u_first + mask);
+                let row = hashed_row(face, v, w);
+                let own = [face as f32, v as f32, w as f32];
+                let mut visit_own = |i: usize| {
+                    if map.grid.cells[i].cell == own {
+                        visit(i);
+                    }
+                };
+                while u_first <= u_last {
+                    let bucket = row.wrapping_add(u_first) & mask;
+                    let length = (u_last - u_first + 1).min(mask + 1 - bucket);
+                    let start = |c: i32| map.grid.cell_starts[c as usize] as usize;
+                    (start(bucket)..start(bucket + length)).for_each(&mut visit_own);
+                    u_first += length;
+                }
+            } else {
+                u_first = u_first.max(0);
+                u_last = u_last.min(record.counts[0] as i32 - 1);
+                if u_first <= u_last {
+                    run(dense_row(record, v, w) + u_first, u_last - u_first + 1);
+                }
+            }
+        }
+    }
+}
+
+/// The photons of a face within R of a point, in the order in which the tables hold them.
+pub fn near(map: &PhotonMap, face: usize, point: Vec3) -> Vec<Near> {
+    let inverse_radius2 = map.plan.gather.inverse_radius * map.plan.gather.inverse_radius;
+    let mut found = Vec::new();
+    let mut weigh = |photon: usize, position: [f32; 3]| {
+        let away = Vec3::from(position) - point;
+        let d2 = away.dot(away);
+        if d2 * inverse_radius2 < 1.0 {
+            found.push(Near { d2, photon });
+        }
+    };
+    if map.gathering.method == Method::Brute {
+        for (i, position) in map.stored.positions.iter().enumerate() {
+            if face_of(&map.stored.surfaces[i]) == face {
+                weigh(i, position.position);
+            }
+        }
+    } else {
+        for_each_candidate(map, face, point, |i| weigh(i, map.grid.positions[i].position));
+    }
+    found
+}
+
+/// Whether a plane lies between the point and a photon.
+pub fn walled_off(scene: &SceneTables, point: Vec3, photon: Vec3) -> bool {
+    scene.objects[scene.sphere_count..].iter().any(|plane| {
+        let normal = Vec3::from(plane.anchor);
+        (plane.extent - normal.dot(point)) * (plane.extent - normal.dot(photon)) < 0.0
+    })
+}
+
+/// Radiance that the photons around a visible point send towards the viewer, W·m⁻²·sr⁻¹.
+pub fn photon_radiance(scene: &SceneTables, map: &PhotonMap, surface: &Surface, to_viewer: Vec3) -> Vec3 {
+    let object = &scene.objects[surface.object];
+    let face = 2 * surface.object + usize::from(surface.side < 0.0);
+    let kernel = map.gathering.kernel;
+    let mut inverse_radius = map.plan.gather.inverse_radius;
+    let brute = map.gathering.method == Method::Brute;
+
+    let mut found = near(map, face, surface.position);
+    let position = |i: usize| if brute { map.stored.positions[i].position } else { map.grid.positions[i].position };
+    if map.gathering.both_sides {
+        found.retain(|n| !walled_off(scene, surface.position, position(n.photon).into()));
+    }
+    if map.gathering.method == Method::Knn {
+        // The k nearest, and the next one's distance as their radius: an unbiased count over the disc it spans
+        // (Moore & Yackel 1977), where the k-th own distance would count a photon that lies on the rim.
+        let k = map.plan.gather.nearest as usize;
+        found.sort_by(|a, b| a.d2.total_cmp(&b.d2));
+        if let Some(next) = found.get(k) {
+            inverse_radius = 1.0 / next.d2.sqrt().max(f32::MIN_POSITIVE);
+            found.truncate(k);
+        }
+    }
+
+    let mut sum = Gathered::default();
+    for Near { d2, photon } in found {
+        let weight = kernel_shape(kernel, d2, inverse_radius * inverse_radius);
+        let power = Vec3::from(if brute { map.stored.powers[photon].power } else { map.grid.powers[photon].power });
+        sum.flux += power * weight;
+        if object.specular > 0.0 {
+            let directions = if brute { map.stored.directions } else { &map.grid.directions[..] };
+            let to_light = Vec3::from(directions[photon].direction);
+            let cos_i = surface.normal.dot(to_light);
+            if cos_i > 0.0 {
+                let cos_o = surface.normal.dot(to_viewer).max(0.0);
+                sum.glint +=
+                    power * (weight * ggx(surface.normal, to_viewer, to_light, cos_o, cos_i, object.roughness));
+            }
+        }
+    }
+    let mut scale = kernel_peak(kernel) * inverse_radius * inverse_radius;
+    if map.gathering.clip {
+        scale /= visible_part(scene, kernel, surface, inverse_radius);
+    }
+    let diffuse = Vec3::from(object.color) * (object.diffuse * FRAC_1_PI);
+    (diffuse * sum.flux + sum.glint * object.specular) * scale
+}

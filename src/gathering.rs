@@ -1,0 +1,81 @@
+//! How stored photons become radiance: the method, the density kernel, and what the scene asks of the code.
+
+use crate::layout::Object;
+pub use crate::settings::{DensityKernel, Method};
+
+/// The permutation of the gathering code.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+pub struct Gathering {
+    /// How photons are found.
+    pub method: Method,
+    /// How they are weighed.
+    pub kernel: DensityKernel,
+    /// The grid is in its hashed form.
+    pub hashed: bool,
+    /// A plane may cut the disc around some point.
+    pub clip: bool,
+    /// Photons may lie on both sides of a plane.
+    pub both_sides: bool,
+}
+
+/// Most photons that the k-nearest method takes (`KNN_MAX`).
+pub const MAX_NEAREST: u32 = 256;
+
+impl Gathering {
+    /// Lanes that a work-item may have: a heap of nearest photons serves one query.
+    pub fn lanes(&self, device_lanes: u32) -> u32 {
+        if self.method == Method::Knn { 1 } else { device_lanes }
+    }
+
+    /// What a scene's objects need.
+    ///
+    /// A plane cuts discs of other surfaces only: it takes two objects. Photons lie on both sides of a plane only
+    /// where the scene is `divided`: one separates camera and lights. All else starts in one half-space of every plane
+    /// and stays there.
+    pub fn of(objects: &[Object], sphere_count: usize, divided: bool) -> Gathering {
+        let planes = objects.len() - sphere_count;
+        Gathering {
+            clip: planes > 0 && objects.len() > 1,
+            both_sides: planes > 0 && objects.len() > 1 && divided,
+            ..Gathering::default()
+        }
+    }
+
+    /// The `#define`s of this permutation.
+    pub fn defines(&self) -> Vec<String> {
+        let mut defines = vec!["HAS_PHOTONS".to_string(), self.kernel.define().to_string()];
+        let mut add = |on: bool, name: &str| {
+            if on {
+                defines.push(name.to_string());
+            }
+        };
+        add(self.method == Method::Brute, "GATHER_BRUTE");
+        add(self.method == Method::Knn, "GATHER_KNN");
+        add(self.hashed, "GRID_HASHED");
+        add(self.clip, "HAS_CLIP");
+        add(self.both_sides, "HAS_BOTH_SIDES");
+        defines
+    }
+
+    /// Every permutation there is, for the test that compiles them all.
+    pub fn reachable() -> Vec<Gathering> {
+        let all = [false, true];
+        let mut reachable = Vec::new();
+        for kernel in DensityKernel::ALL {
+            for (method, hashed) in [
+                (Method::Grid, false),
+                (Method::Grid, true),
+                (Method::Knn, false),
+                (Method::Knn, true),
+                (Method::Brute, false),
+            ] {
+                for (clip, both_sides) in all.into_iter().flat_map(|a| all.map(|b| (a, b))) {
+                    if clip || !both_sides {
+                        reachable.push(Gathering { method, kernel, hashed, clip, both_sides });
+                    }
+                }
+            }
+        }
+        reachable
+    }
+}

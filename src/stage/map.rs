@@ -1,0 +1,224 @@
+//! The photon map: emission and grid, on an OpenCL device or by the twins on the CPU.
+
+use std::rc::Rc;
+
+use super::grid::{Grid, GridStage, Photons as StoredPhotons, Wanted};
+use super::photons::{PhotonMap, Photons};
+use super::scan::Scan;
+use crate::cells;
+use crate::cl::Context;
+use crate::cpu;
+use crate::emission::{self, Emission};
+use crate::error::{Error, Result};
+use crate::features::Features;
+use crate::layout::{PhotonPosition, PhotonSurface};
+use crate::pack::Packed;
+
+/// Makes photon maps on one machine and holds the last one.
+pub enum MapStage {
+    /// Kernels.
+    Device(DeviceMap),
+    /// The twins.
+    Host(HostMap),
+}
+
+/// See [`MapStage::Device`].
+pub struct DeviceMap {
+    context: Rc<Context>,
+    photons: Photons,
+    grid: GridStage,
+    stored: Option<PhotonMap>,
+    packed: Option<Packed>,
+}
+
+/// See [`MapStage::Host`].
+pub struct HostMap {
+    pool: Rc<rayon::ThreadPool>,
+    scene: Option<(Packed, Features, emission::Plan)>,
+    stored: cpu::photons::PhotonTables,
+    plan: cells::Plan,
+    grid: cpu::grid::GridTables,
+}
+
+/// A finished map, as the trace stage takes it.
+pub enum MapView<'a> {
+    /// In device memory.
+    Device {
+        /// The device.
+        context: &'a Context,
+        /// In path order.
+        stored: StoredPhotons<'a>,
+        /// In the order of cells.
+        grid: &'a Grid,
+    },
+    /// In host memory.
+    Host {
+        /// Form, faces, radius, cell size.
+        plan: &'a cells::Plan,
+        /// In path order.
+        stored: cpu::grid::PhotonTables<'a>,
+        /// In the order of cells.
+        grid: &'a cpu::grid::GridTables,
+    },
+}
+
+/// A map in numbers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct MapCounts {
+    /// Paths emitted.
+    pub emitted: u64,
+    /// Photons stored.
+    pub stored: u64,
+}
+
+/// The first photons of a map, from which the rest is judged.
+pub struct Sample {
+    /// Where.
+    pub positions: Vec<PhotonPosition>,
+    /// On what.
+    pub surfaces: Vec<PhotonSurface>,
+}
+
+impl MapStage {
+    /// On an open device.
+    ///
+    /// # Errors
+    /// [`Error::Build`] when the driver refuses a kernel.
+    pub fn on_device(context: Rc<Context>) -> Result<MapStage> {
+        let scan = Rc::new(Scan::new(&context)?);
+        Ok(MapStage::Device(DeviceMap {
+            photons: Photons::new(Rc::clone(&context), scan),
+            grid: GridStage::new(&context)?,
+            context,
+            stored: None,
+            packed: None,
+        }))
+    }
+
+    /// On a pool of threads.
+    pub fn on_host(pool: Rc<rayon::ThreadPool>) -> MapStage {
+        let plan = cells::Plan { hashed: false, cells: 0, faces: Vec::new(), gather: Default::default() };
+        let (stored, grid) = Default::default();
+        MapStage::Host(HostMap { pool, scene: None, stored, plan, grid })
+    }
+
+    /// Takes over the scene and builds what an emission needs.
+    ///
+    /// # Errors
+    /// [`Error::Build`] and [`Error::Device`] from the device; [`Error::Usage`] for too many lights.
+    pub fn upload(&mut self, packed: &Packed, features: &Features, emission: &Emission) -> Result<()> {
+        match self {
+            MapStage::Device(map) => {
+                map.photons.upload(packed)?;
+                map.packed = Some(packed.clone());
+                map.photons.compile(features, emission)
+            }
+            MapStage::Host(map) => {
+                map.scene = Some((packed.clone(), *features, emission::Plan::new(packed)?));
+                Ok(())
+            }
+        }
+    }
+
+    /// Emits one pass and waits for it.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] when photons shall be stored where nothing can be hit; [`Error::Device`] from the device.
+    pub fn emit(&mut self, emission: &Emission) -> Result<MapCounts> {
+        match self {
+            MapStage::Device(map) => {
+                let stored = map.photons.emit(emission)?;
+                map.context.finish()?;
+                let counts = MapCounts { emitted: stored.emitted.into(), stored: stored.stored as u64 };
+                map.stored = Some(stored);
+                Ok(counts)
+            }
+            MapStage::Host(map) => {
+                let Some((packed, features, plan)) = &map.scene else { return Err(no_scene()) };
+                let scene = cpu::scene::SceneTables::new(packed, features);
+                map.stored = map.pool.install(|| cpu::photons::photons(&scene, plan, emission))?;
+                Ok(MapCounts { emitted: map.stored.emitted.into(), stored: map.stored.len() as u64 })
+            }
+        }
+    }
+
+    /// The first photons of the map, at most `most`. Emission sequences make any beginning as well spread as the whole.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when the transfer fails.
+    pub fn sample(&self, most: usize) -> Result<Sample> {
+        match self {
+            MapStage::Device(map) => {
+                let Some(stored) = &map.stored else { return Err(no_scene()) };
+                let count = stored.stored.min(most);
+                let mut sample = Sample {
+                    positions: vec![PhotonPosition::default(); count],
+                    surfaces: vec![PhotonSurface::default(); count],
+                };
+                stored.positions.read(&map.context, &mut sample.positions)?;
+                stored.surfaces.read(&map.context, &mut sample.surfaces)?;
+                Ok(sample)
+            }
+            MapStage::Host(map) => {
+                let count = map.stored.len().min(most);
+                Ok(Sample {
+                    positions: map.stored.positions[..count].to_vec(),
+                    surfaces: map.stored.surfaces[..count].to_vec(),
+                })
+            }
+        }
+    }
+
+    /// Sorts the map into a grid and waits for it. Tells whether the grid is in its hashed form.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] when floats cannot count the photons or the cells; [`Error::Device`] from the device.
+    pub fn sort(&mut self, wanted: &Wanted) -> Result<bool> {
+        match self {
+            MapStage::Device(map) => {
+                let (Some(stored), Some(packed)) = (&map.stored, &map.packed) else { return Err(no_scene()) };
+                let hashed = map.grid.build(&map.context, &packed.objects, &stored.view(), wanted)?.plan.hashed;
+                map.context.finish()?;
+                Ok(hashed)
+            }
+            MapStage::Host(map) => {
+                let Some((packed, ..)) = &map.scene else { return Err(no_scene()) };
+                let stored = map.stored.view();
+                let bounds = cpu::grid::grid_bounds(&stored, 2 * packed.objects.len());
+                let Wanted { radius, size, form, nearest } = *wanted;
+                map.plan = cells::plan(&packed.objects, &bounds, map.stored.len(), radius, size, form)?;
+                map.plan.gather.nearest = nearest as f32;
+                map.grid = cpu::grid::grid(&stored, &map.plan);
+                Ok(map.plan.hashed)
+            }
+        }
+    }
+
+    /// The last map.
+    pub fn view(&self) -> Option<MapView<'_>> {
+        match self {
+            MapStage::Device(map) => Some(MapView::Device {
+                context: &map.context,
+                stored: map.stored.as_ref()?.view(),
+                grid: map.grid.grid(),
+            }),
+            MapStage::Host(map) => Some(MapView::Host { plan: &map.plan, stored: map.stored.view(), grid: &map.grid }),
+        }
+    }
+
+    /// Bytes held on the device, scratch included.
+    pub fn bytes(&self) -> usize {
+        match self {
+            MapStage::Device(map) => map.stored.as_ref().map_or(0, PhotonMap::bytes) + map.grid.bytes(),
+            MapStage::Host(map) => {
+                let grid = &map.grid;
+                size_of_val(&map.stored.positions[..]) * 4 + size_of_val(&grid.positions[..]) * 2
+                    + size_of_val(&grid.cell_starts[..])
+            }
+        }
+    }
+}
+
+fn no_scene() -> Error {
+    Error::Device("photon map: asked for before there was a scene".into())
+}

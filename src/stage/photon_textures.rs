@@ -1,0 +1,122 @@
+//! Where the photon map's OpenCL buffers become GL textures.
+
+use bytemuck::Pod;
+
+use super::grid::{Grid, Photons};
+use crate::cl::{Buffer, Context};
+use crate::cells::Plan;
+use crate::cpu::grid::{GridTables, PhotonTables};
+use crate::error::Result;
+use crate::gathering::{Gathering, Method};
+use crate::gl::{Functions, Program, TableTexture};
+use crate::layout::{
+    Face, Gather, PhotonCell, PhotonDirection, PhotonPosition, PhotonPower, PhotonSurface, Record, TEXEL, TEXTURE_WIDTH_LOG2,
+};
+
+/// The photon map as textures, one a property; what a permutation does not read is neither read back nor uploaded.
+pub struct PhotonTextures {
+    /// In the order of [`PhotonTextures::SAMPLERS`].
+    tables: [TableTexture; 7],
+    gather: Gather,
+    staging: Vec<[f32; 3]>,
+}
+
+impl PhotonTextures {
+    /// The samplers of `gather.glsl`, in the order of their texture units.
+    pub const SAMPLERS: [&str; 7] = [
+        Face::TABLE,
+        "cell_starts",
+        PhotonCell::TABLE,
+        PhotonPosition::TABLE,
+        PhotonPower::TABLE,
+        PhotonSurface::TABLE,
+        PhotonDirection::TABLE,
+    ];
+
+    /// Empty tables on the current context.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Device`] when the driver gives no textures.
+    pub fn new(gl: &Functions) -> Result<PhotonTextures> {
+        let table = || TableTexture::new(gl, TEXTURE_WIDTH_LOG2);
+        let tables = [table()?, table()?, table()?, table()?, table()?, table()?, table()?];
+        Ok(PhotonTextures { tables, gather: Gather::default(), staging: Vec::new() })
+    }
+
+    /// Takes over a map made by the CPU.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Device`] when a table is larger than the driver's textures.
+    pub fn fill_from_host(&mut self, plan: &Plan, stored: &PhotonTables, grid: &GridTables, gathering: &Gathering) -> Result<()> {
+        self.gather = plan.gather;
+        if gathering.method == Method::Brute {
+            self.tables[3].fill(stored.positions)?;
+            self.tables[4].fill(stored.powers)?;
+            self.tables[5].fill(stored.surfaces)?;
+            return self.tables[6].fill(stored.directions);
+        }
+        self.tables[0].fill(&plan.faces)?;
+        let mut starts = grid.cell_starts.clone();
+        starts.resize(starts.len().next_multiple_of(TEXEL), 0.0); // lists fill whole texels
+        self.tables[1].fill_texels(&starts)?;
+        self.tables[2].fill(&grid.cells)?;
+        self.tables[3].fill(&grid.positions)?;
+        self.tables[4].fill(&grid.powers)?;
+        self.tables[6].fill(&grid.directions)
+    }
+
+    /// Takes over a map; `gathering` says which tables its method reads.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Device`] when a transfer fails, or a table is larger than the driver's textures.
+    pub fn fill(&mut self, context: &Context, grid: &Grid, stored: &Photons, gathering: &Gathering) -> Result<()> {
+        self.gather = grid.plan.gather;
+        let brute = gathering.method == Method::Brute;
+        let count = grid.count;
+        if brute {
+            self.copy(3, context, stored.positions, count)?;
+            self.copy(4, context, stored.powers, count)?;
+            self.copy(5, context, stored.surfaces, count)?;
+        } else {
+            self.tables[0].fill(&grid.plan.faces)?;
+            self.copy(1, context, &grid.cell_starts, (grid.plan.cells + 1).div_ceil(3))?;
+            if gathering.hashed {
+                self.copy(2, context, &grid.cells, count)?;
+            }
+            self.copy(3, context, &grid.positions, count)?;
+            self.copy(4, context, &grid.powers, count)?;
+        }
+        match stored.directions {
+            Some(directions) if brute => self.copy(6, context, directions, count),
+            Some(_) => self.copy(6, context, &grid.directions, count),
+            None => Ok(()),
+        }
+    }
+
+    /// The first `texels` texels of a buffer.
+    fn copy<T: Pod>(&mut self, table: usize, context: &Context, from: &Buffer<T>, texels: usize) -> Result<()> {
+        self.staging.resize(texels.max(self.staging.len()), [0.0; 3]);
+        let staging = &mut self.staging[..texels];
+        from.read(context, bytemuck::cast_slice_mut(staging))?;
+        self.tables[table].fill_texels(staging)
+    }
+
+    /// Binds the tables to the texture units from `first_unit` on and sets the uniforms. The program must be active,
+    /// with [`PhotonTextures::SAMPLERS`] at those units.
+    pub fn bind(&self, program: &Program, first_unit: u32) {
+        program.set_records(std::slice::from_ref(&self.gather));
+        for (unit, table) in (first_unit..).zip(&self.tables) {
+            table.bind(unit);
+        }
+    }
+
+    /// How often a table was filled.
+    pub fn uploads(&self) -> u64 {
+        self.tables.iter().map(|t| t.uploads).sum()
+    }
+
+    /// Bytes in textures, padding included.
+    pub fn bytes(&self) -> usize {
+        self.tables.iter().map(TableTexture::bytes).sum()
+    }
+}

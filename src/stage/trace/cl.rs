@@ -1,0 +1,115 @@
+//! Trace on OpenCL: `kernels/trace.cl`.
+
+use std::rc::Rc;
+
+use super::{Permutation, Trace, check_count, out_of_order};
+use crate::cl::{Arg, Buffer, Context, Kernel};
+use crate::error::Result;
+use crate::film::Image;
+use crate::gathering::Gathering;
+use crate::layout::{Frame, Light, Object};
+use crate::pack::Packed;
+use crate::source::{Options, assemble};
+use crate::stage::map::MapView;
+
+/// Kernels alone.
+pub struct ClTrace {
+    context: Rc<Context>,
+    objects: Option<Buffer<Object>>,
+    lights: Option<Buffer<Light>>,
+    frame: Buffer<Frame>,
+    film: Option<(u32, u32, Buffer<[f32; 3]>)>,
+    active: Option<Compiled>,
+}
+
+/// A kernel, and what it was built for.
+struct Compiled {
+    permutation: Permutation,
+    lanes: u32,
+    kernel: Kernel,
+}
+
+impl ClTrace {
+    /// On an open device.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Device`] when the device has no room.
+    pub fn new(context: Rc<Context>) -> Result<ClTrace> {
+        let frame = Buffer::new(&context, 1)?;
+        Ok(ClTrace { context, objects: None, lights: None, frame, film: None, active: None })
+    }
+}
+
+impl Trace for ClTrace {
+    fn compile(&mut self, permutation: &Permutation) -> Result<()> {
+        if self.active.as_ref().is_some_and(|active| active.permutation == *permutation) {
+            return Ok(());
+        }
+        let device_lanes = self.context.device.lanes;
+        let lanes = permutation.gathering.map_or(device_lanes, |gathering| gathering.lanes(device_lanes));
+        let options = Options { lanes, defines: permutation.defines(), ..Options::default() };
+        let kernel = self.context.kernel(&assemble("trace.cl", Some(&permutation.features), &options), "trace")?;
+        self.active = Some(Compiled { permutation: *permutation, lanes, kernel });
+        Ok(())
+    }
+
+    fn upload(&mut self, packed: &Packed) -> Result<()> {
+        check_count(packed)?;
+        self.objects = Some(Buffer::from_slice(&self.context, &packed.objects)?);
+        self.lights = Some(Buffer::from_slice(&self.context, &packed.lights)?);
+        Ok(())
+    }
+
+    fn upload_map(&mut self, _map: &MapView, _gathering: &Gathering) -> Result<u64> {
+        Ok(0) // it lies on the device already
+    }
+
+    fn trace(&mut self, frame: &Frame, map: Option<&MapView>) -> Result<()> {
+        let (width, height) = (frame.width as u32, frame.height as u32);
+        if self.film.as_ref().is_none_or(|(w, h, _)| (*w, *h) != (width, height)) {
+            self.film = Some((width, height, Buffer::new(&self.context, width as usize * height as usize)?));
+        }
+        self.frame.write(&self.context, std::slice::from_ref(frame))?;
+        let (Some(active), Some(objects), Some(lights), Some((_, _, film))) =
+            (&self.active, &self.objects, &self.lights, &self.film)
+        else {
+            return Err(out_of_order("OpenCL"));
+        };
+        let mut args: Vec<Arg> = vec![(&self.frame).into(), objects.into(), lights.into()];
+        match (active.permutation.gathering, map) {
+            (None, _) => {}
+            (Some(gathering), Some(MapView::Device { stored, grid, .. })) => {
+                args.extend(grid.args(stored, gathering.method));
+            }
+            (Some(_), _) => return Err(out_of_order("OpenCL")),
+        }
+        args.extend([Arg::from(film), (width as i32).into(), (height as i32).into()]);
+        let (columns, rows) = block(active.lanes);
+        let blocks = [width.div_ceil(columns) as usize, height.div_ceil(rows) as usize];
+        // 8 × 8 blocks a work-group: enough to share out, small enough that the last ones do not idle.
+        self.context.launch(&active.kernel, &args, &blocks, Some(&[8, 8]))?;
+        self.context.finish()
+    }
+
+    fn read(&mut self) -> Result<Image> {
+        let Some((width, height, film)) = &self.film else { return Ok(Image::new(0, 0)) };
+        Image::from_pixels(*width, *height, film.to_vec(&self.context)?)
+    }
+
+    fn bytes(&self) -> usize {
+        self.objects.as_ref().map_or(0, Buffer::bytes)
+            + self.lights.as_ref().map_or(0, Buffer::bytes)
+            + self.frame.bytes()
+            + self.film.as_ref().map_or(0, |(_, _, film)| film.bytes())
+    }
+}
+
+/// The pixels that a work-item's lanes cover, across and down: as `LANE_COLUMNS` and `LANE_ROWS` in `shim.cl`.
+fn block(lanes: u32) -> (u32, u32) {
+    match lanes {
+        1 => (1, 1),
+        4 => (2, 2),
+        8 => (4, 2),
+        _ => (4, 4),
+    }
+}

@@ -1,0 +1,83 @@
+//! Trace: packed scene, frame and photon map in, film out; on OpenGL, OpenCL or the CPU.
+
+mod cl;
+mod cpu;
+mod gl;
+
+pub use cl::ClTrace;
+pub use cpu::CpuTrace;
+pub use gl::GlTrace;
+
+use super::map::MapView;
+use crate::error::{Error, Result};
+use crate::features::Features;
+use crate::film::Image;
+use crate::gathering::Gathering;
+use crate::layout::{Frame, MAX_EXACT_INDEX};
+use crate::pack::Packed;
+
+/// What is compiled for a picture: the scene's features and, with photons, how they are gathered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Permutation {
+    /// Of the scene and the settings.
+    pub features: Features,
+    /// `None`: no photons.
+    pub gathering: Option<Gathering>,
+}
+
+impl Permutation {
+    /// Defines beyond the features' own.
+    pub fn defines(&self) -> Vec<String> {
+        self.gathering.map(|gathering| gathering.defines()).unwrap_or_default()
+    }
+}
+
+/// The trace stage on one machine.
+pub trait Trace {
+    /// Builds what this permutation needs; nothing when it was built before.
+    ///
+    /// # Errors
+    /// [`Error::Build`] with the driver's log.
+    fn compile(&mut self, permutation: &Permutation) -> Result<()>;
+
+    /// Takes over the scene's records.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when the device has no room.
+    fn upload(&mut self, packed: &Packed) -> Result<()>;
+
+    /// Takes over a photon map, where it has to be moved. How many tables were moved.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when the device has no room.
+    fn upload_map(&mut self, map: &MapView, gathering: &Gathering) -> Result<u64>;
+
+    /// Traces a picture with the permutation compiled last, and waits for it. `map` is the map uploaded last.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when the device fails.
+    fn trace(&mut self, frame: &Frame, map: Option<&MapView>) -> Result<()>;
+
+    /// The film of the last [`Trace::trace`].
+    ///
+    /// # Errors
+    /// [`Error::Device`] when the device fails.
+    fn read(&mut self) -> Result<Image>;
+
+    /// Bytes held on the device.
+    fn bytes(&self) -> usize;
+}
+
+fn check_count(packed: &Packed) -> Result<()> {
+    match packed.objects.len().max(packed.lights.len()) as u64 {
+        count if count >= MAX_EXACT_INDEX => Err(Error::Usage(format!(
+            "{count} objects: indices travel as float values, which are exact below {MAX_EXACT_INDEX} only"
+        ))),
+        _ => Ok(()),
+    }
+}
+
+/// A stage was asked for out of order: the pipeline's fault, said rather than drawn wrong.
+fn out_of_order(backend: &str) -> Error {
+    Error::Device(format!("{backend}: traced before everything was compiled and uploaded"))
+}

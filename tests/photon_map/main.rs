@@ -1,0 +1,185 @@
+//! The photon grid and its gathering: device against twin, grid against brute force.
+
+mod gathered;
+mod queries;
+mod tables;
+
+use std::ops::Deref;
+use std::sync::{Mutex, MutexGuard};
+
+use photile::cells::{CellSize, Form, Plan, plan};
+use photile::cl::{Buffer, Context};
+use photile::cpu::grid::{PhotonTables, grid_bounds};
+use photile::cpu::random::{hash2_u, unit_real};
+use photile::layout::{Object, PLANE, PhotonDirection, PhotonPosition, PhotonPower, PhotonSurface, SPHERE};
+use photile::pipeline::open_device;
+use photile::stage::grid::Photons;
+
+/// A stream of uniform reals, the same everywhere.
+pub struct Random {
+    seed: u32,
+    drawn: u32,
+}
+
+impl Random {
+    pub fn new(seed: u32) -> Random {
+        Random { seed, drawn: 0 }
+    }
+
+    /// In [low, high).
+    pub fn uniform(&mut self, low: f32, high: f32) -> f32 {
+        self.drawn += 1;
+        low + unit_real(hash2_u(self.drawn, self.seed)) * (high - low)
+    }
+
+    pub fn below(&mut self, n: usize) -> usize {
+        (self.uniform(0.0, 1.0) * n as f32) as usize
+    }
+
+    /// A point of the unit sphere.
+    pub fn direction(&mut self) -> [f32; 3] {
+        let (z, phi) = (self.uniform(-1.0, 1.0), self.uniform(0.0, std::f32::consts::TAU));
+        let r = (1.0 - z * z).sqrt();
+        [r * phi.cos(), r * phi.sin(), z]
+    }
+}
+
+/// Photons on the host.
+#[derive(Clone, Default)]
+pub struct Map {
+    pub positions: Vec<PhotonPosition>,
+    pub powers: Vec<PhotonPower>,
+    pub surfaces: Vec<PhotonSurface>,
+    pub directions: Vec<PhotonDirection>,
+}
+
+impl Map {
+    pub fn push(&mut self, position: [f32; 3], object: usize, side: f32, random: &mut Random) {
+        self.positions.push(PhotonPosition { position });
+        self.powers.push(PhotonPower { power: [0, 1, 2].map(|_| random.uniform(0.5, 1.5)) });
+        self.surfaces.push(PhotonSurface { object: object as f32, side, bounce: 1.0 });
+        self.directions.push(PhotonDirection { direction: random.direction() });
+    }
+
+    pub fn len(&self) -> usize {
+        self.positions.len()
+    }
+
+    pub fn tables(&self) -> PhotonTables<'_> {
+        PhotonTables {
+            positions: &self.positions,
+            powers: &self.powers,
+            surfaces: &self.surfaces,
+            directions: &self.directions,
+        }
+    }
+
+    pub fn plan(&self, objects: &[Object], radius: f32, size: CellSize, form: Form) -> Plan {
+        let bounds = grid_bounds(&self.tables(), 2 * objects.len());
+        plan(objects, &bounds, self.len(), radius, size, form).unwrap()
+    }
+}
+
+/// The same on the device.
+pub struct DeviceMap {
+    positions: Buffer<PhotonPosition>,
+    powers: Buffer<PhotonPower>,
+    surfaces: Buffer<PhotonSurface>,
+    directions: Buffer<PhotonDirection>,
+    count: usize,
+}
+
+impl DeviceMap {
+    pub fn new(context: &Context, map: &Map) -> DeviceMap {
+        DeviceMap {
+            positions: Buffer::from_slice(context, &map.positions).unwrap(),
+            powers: Buffer::from_slice(context, &map.powers).unwrap(),
+            surfaces: Buffer::from_slice(context, &map.surfaces).unwrap(),
+            directions: Buffer::from_slice(context, &map.directions).unwrap(),
+            count: map.len(),
+        }
+    }
+
+    pub fn photons(&self) -> Photons<'_> {
+        Photons {
+            positions: &self.positions,
+            powers: &self.powers,
+            surfaces: &self.surfaces,
+            directions: Some(&self.directions),
+            count: self.count,
+        }
+    }
+}
+
+/// A room of 6 × 4 × 6 m around the origin with an oblique wall, and spheres: one free, one cut by a wall.
+pub fn room() -> Vec<Object> {
+    let object = |anchor, extent, kind| Object {
+        anchor,
+        extent,
+        kind,
+        roughness: 0.3,
+        color: [0.8, 0.7, 0.6],
+        ambient: 0.0,
+        diffuse: 0.75,
+        specular: 0.25,
+    };
+    let slant = 0.5f32.sqrt();
+    vec![
+        object([-1.0, -1.0, 0.0], 0.8, SPHERE),
+        object([3.0, 0.0, -1.0], 1.0, SPHERE),
+        object([1.0, 0.0, 0.0], -3.0, PLANE),
+        object([1.0, 0.0, 0.0], 3.0, PLANE),
+        object([0.0, 1.0, 0.0], -2.0, PLANE),
+        object([0.0, 1.0, 0.0], 2.0, PLANE),
+        object([0.0, 0.0, 1.0], -3.0, PLANE),
+        object([0.0, 0.0, 1.0], 3.0, PLANE),
+        object([slant, 0.0, slant], 3.2, PLANE),
+    ]
+}
+
+pub const ROOM_SPHERES: usize = 2;
+
+/// Uniform points on the room's surfaces, both sides of each.
+pub fn room_photons(count: usize, seed: u32) -> Map {
+    let (objects, mut random, mut map) = (room(), Random::new(seed), Map::default());
+    for _ in 0..count {
+        let number = random.below(objects.len());
+        let side = if random.uniform(0.0, 1.0) < 0.8 { 1.0 } else { -1.0 };
+        let position = surface_point(&objects[number], &mut random);
+        map.push(position, number, side, &mut random);
+    }
+    map
+}
+
+/// A point of an object, within the room's box where it is a plane.
+pub fn surface_point(object: &Object, random: &mut Random) -> [f32; 3] {
+    if object.kind == SPHERE {
+        let d = random.direction();
+        return [0, 1, 2].map(|axis| object.anchor[axis] + d[axis] * object.extent);
+    }
+    let p = [random.uniform(-3.0, 3.0), random.uniform(-2.0, 2.0), random.uniform(-3.0, 3.0)];
+    let off = object.extent - (0..3).map(|axis| object.anchor[axis] * p[axis]).sum::<f32>();
+    [0, 1, 2].map(|axis| p[axis] + off * object.anchor[axis])
+}
+
+/// A device for one test.
+pub struct Device {
+    context: Context,
+    _alone: MutexGuard<'static, ()>,
+}
+
+impl Deref for Device {
+    type Target = Context;
+
+    fn deref(&self) -> &Context {
+        &self.context
+    }
+}
+
+/// The first OpenCL device: every machine that runs the tests has one, if only PoCL. One test at a time: PoCL and
+/// llvmpipe share one LLVM, and crash when both compile at once.
+pub fn device() -> Device {
+    static ALONE: Mutex<()> = Mutex::new(());
+    let alone = ALONE.lock().unwrap_or_else(|failed| failed.into_inner());
+    Device { context: open_device(None, &mut |_| {}).expect("an OpenCL device"), _alone: alone }
+}

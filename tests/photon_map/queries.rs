@@ -1,0 +1,102 @@
+//! No query misses a photon or counts one twice, whatever collides.
+
+use glam::Vec3;
+use photile::cells::{CellSize, Form};
+use photile::cpu::gather::{PhotonMap, near};
+use photile::cpu::grid::{GridTables, face_of, grid};
+use photile::gathering::Gathering;
+
+use super::{Map, Random, room, room_photons, surface_point};
+
+/// Photons of a face within R of a point: by the definition, sorted by number.
+fn truth(map: &Map, face: usize, point: Vec3, radius: f32) -> Vec<u32> {
+    let inverse = 1.0 / radius;
+    (0..map.len() as u32)
+        .filter(|i| {
+            let away = Vec3::from(map.positions[*i as usize].position) - point;
+            face_of(&map.surfaces[*i as usize]) == face && away.dot(away) * (inverse * inverse) < 1.0
+        })
+        .collect()
+}
+
+/// The grid's answer, in the numbers from before the sort.
+fn answer(map: &PhotonMap, tables: &GridTables, face: usize, point: Vec3) -> Vec<u32> {
+    let mut found: Vec<u32> = near(map, face, point).iter().map(|n| tables.order[n.photon]).collect();
+    found.sort_unstable();
+    found
+}
+
+/// Queries on and off the surfaces, and exactly on cells' borders; returns how many photons were found in all.
+fn check(map: &Map, radius: f32, size: CellSize, form: Form, queries: usize) -> usize {
+    let objects = room();
+    let plan = map.plan(&objects, radius, size, form);
+    let tables = grid(&map.tables(), &plan);
+    let gathering = Gathering { hashed: plan.hashed, ..Gathering::default() };
+    let seen = PhotonMap { gathering: &gathering, plan: &plan, stored: map.tables(), grid: &tables };
+    let mut random = Random::new(99);
+    let mut found = 0;
+    for number in 0..queries {
+        let object = random.below(objects.len());
+        let mut p = surface_point(&objects[object], &mut random);
+        if number % 3 == 0 {
+            let axis = random.below(3);
+            let cell = plan.gather.cell[axis];
+            p[axis] = (p[axis] / cell).round() * cell;
+        }
+        let face = 2 * object + usize::from(number % 5 == 0);
+        let (expected, answered) = (truth(map, face, p.into(), radius), answer(&seen, &tables, face, p.into()));
+        assert_eq!(answered, expected, "query {number} at {p:?} on face {face}, R = {radius}, {form:?}, {size:?}");
+        found += expected.len();
+    }
+    found
+}
+
+#[test]
+fn a_million_queries_with_forced_collisions_miss_nothing_and_double_nothing() {
+    let map = room_photons(100, 1);
+    let mut found = 0;
+    // Two to 64 buckets for some hundred cells: every row shares its buckets with many others.
+    for (buckets, radius) in [(2, 0.7), (8, 0.4), (64, 0.7), (64, 1.5)] {
+        found += check(&map, radius, CellSize::Auto, Form::Hashed(Some(buckets)), 250_000);
+    }
+    assert!(found > 300_000, "only {found} photons in reach: the queries tested nothing");
+}
+
+#[test]
+fn dense_and_hashed_grids_find_the_same_at_every_cell_size() {
+    let map = room_photons(1000, 2);
+    for form in [Form::Dense, Form::Hashed(None)] {
+        for ratio in [0.2, 0.5, 1.0, 2.7] {
+            check(&map, 0.5, CellSize::Metres([0.5 * ratio; 3]), form, 2000);
+        }
+        check(&map, 0.5, CellSize::Metres([0.1, 0.5, 2.0]), form, 2000);
+        check(&map, 0.5, CellSize::Counts([60, 40, 40]), form, 2000);
+    }
+}
+
+#[test]
+fn a_map_far_from_the_origin_and_photons_on_borders_are_found() {
+    let mut map = room_photons(500, 3);
+    let mut random = Random::new(4);
+    // Photons exactly on cells' corners, in negative and positive coordinates, and kilometres out on the floor.
+    for i in -40..40 {
+        map.push([i as f32 * 0.25, -2.0, i as f32 * -0.25], 4, 1.0, &mut random);
+        map.push([i as f32 * 1000.0, -2.0, 0.0], 4, 1.0, &mut random);
+    }
+    check(&map, 0.5, CellSize::Auto, Form::Auto, 20_000);
+}
+
+#[test]
+fn a_lost_photon_would_be_noticed() {
+    let map = room_photons(300, 1);
+    let plan = map.plan(&room(), 0.7, CellSize::Auto, Form::Dense);
+    let tables = grid(&map.tables(), &plan);
+    let gathering = Gathering::default();
+    let seen = PhotonMap { gathering: &gathering, plan: &plan, stored: map.tables(), grid: &tables };
+    let photon = 17;
+    let (face, point) = (face_of(&map.surfaces[photon]), Vec3::from(map.positions[photon].position));
+    let mut fewer = map.clone();
+    fewer.surfaces[photon].side *= -1.0;
+    assert_eq!(answer(&seen, &tables, face, point), truth(&map, face, point, 0.7));
+    assert_ne!(answer(&seen, &tables, face, point), truth(&fewer, face, point, 0.7));
+}

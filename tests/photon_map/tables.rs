@@ -1,0 +1,89 @@
+//! The device's tables are the twin's, bit for bit.
+
+use photile::cells::{CellSize, Form};
+use photile::cl::Context;
+use photile::cpu::grid::{GridTables, grid};
+use photile::layout::TEXEL;
+use photile::stage::grid::{GridStage, Wanted};
+
+use super::{DeviceMap, Map, Random, device, room, room_photons};
+
+/// What the device made, without the order, which it keeps to itself.
+fn built(context: &Context, stage: &mut GridStage, map: &Map, wanted: &Wanted) -> GridTables {
+    let uploaded = DeviceMap::new(context, map);
+    let grid = stage.build(context, &room(), &uploaded.photons(), wanted).unwrap();
+    let hashed = if grid.plan.hashed { map.len() } else { 0 };
+    let mut tables = GridTables {
+        order: Vec::new(),
+        cell_starts: grid.cell_starts.to_vec(context).unwrap(),
+        positions: grid.positions.to_vec(context).unwrap(),
+        powers: grid.powers.to_vec(context).unwrap(),
+        directions: grid.directions.to_vec(context).unwrap(),
+        cells: grid.cells.to_vec(context).unwrap(),
+    };
+    assert_eq!(tables.cell_starts.len() % TEXEL, 0, "a list is whole texels");
+    tables.cell_starts.truncate(grid.plan.cells + 1);
+    tables.positions.truncate(map.len());
+    tables.powers.truncate(map.len());
+    tables.directions.truncate(map.len());
+    tables.cells.truncate(hashed);
+    tables
+}
+
+fn check(context: &Context, stage: &mut GridStage, map: &Map, wanted: &Wanted) {
+    let found = built(context, stage, map, wanted);
+    let plan = map.plan(&room(), wanted.radius, wanted.size, wanted.form);
+    let expected = GridTables { order: Vec::new(), ..grid(&map.tables(), &plan) };
+    let what = format!("{} photons, {wanted:?}", map.len());
+    // Integers exactly, floats by their bits: they were moved, not computed.
+    assert_eq!(found.cell_starts, expected.cell_starts, "{what}");
+    assert!(found.positions == expected.positions && found.powers == expected.powers, "{what}");
+    assert!(found.directions == expected.directions && found.cells == expected.cells, "{what}");
+    assert_eq!(found, built(context, stage, map, wanted), "{what}: another run, other bytes");
+}
+
+fn wanted(radius: f32, form: Form) -> Wanted {
+    Wanted { form, ..Wanted::radius(radius) }
+}
+
+const FORMS: [Form; 4] = [Form::Auto, Form::Dense, Form::Hashed(None), Form::Hashed(Some(8))];
+
+#[test]
+fn device_and_twin_build_the_same_tables() {
+    let context = device();
+    let mut stage = GridStage::new(&context).unwrap();
+    // One stage for all: buffers that once held more must not shine through.
+    for count in [100_000, 20_000, 1000, 17, 2, 1, 0] {
+        let map = room_photons(count, count as u32);
+        for form in FORMS {
+            check(&context, &mut stage, &map, &wanted(0.3, form));
+        }
+    }
+}
+
+#[test]
+fn hard_maps_build_alike() {
+    let context = device();
+    let mut stage = GridStage::new(&context).unwrap();
+    let mut random = Random::new(5);
+    let mut heap = room_photons(1000, 6);
+    for _ in 0..20_000 {
+        heap.push([-1.25, -2.0, -0.75], 4, 1.0, &mut random);
+    }
+    let mut borders = Map::default();
+    for i in -2000..2000 {
+        borders.push([i as f32 * 0.25, -2.0, i as f32 * -0.25], 4, 1.0, &mut random);
+        borders.push([-3.0, i as f32 * 0.25, -0.0], 2, -1.0, &mut random);
+    }
+    let mut far = room_photons(1000, 7);
+    for i in 1..100 {
+        far.push([(i * i) as f32 * 1e5, -2.0, -1e7], 4, 1.0, &mut random);
+    }
+    for map in [heap, borders, far] {
+        for form in [Form::Auto, Form::Hashed(None), Form::Hashed(Some(8))] {
+            check(&context, &mut stage, &map, &wanted(0.5, form));
+        }
+    }
+    let counts = Wanted { size: CellSize::Counts([60, 40, 40]), ..Wanted::radius(1.0) };
+    check(&context, &mut stage, &room_photons(12_000, 8), &counts);
+}
