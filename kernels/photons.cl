@@ -99,7 +99,7 @@ void store_photon(Bool stored, Uint slot, Photon photon, Surface surface, MAP_PA
     if (!stored) return;
     vstore3(surface.position, slot, positions);
     vstore3(photon.throughput * photon.power, slot, powers);
-    vstore3((float3)(to_real(surface.object), pick(surface.inside, -1.0f, 1.0f), to_real(photon.bounce)), slot, surfaces);
+    vstore3((float3)(to_real(surface.object), surface.side, to_real(photon.bounce)), slot, surfaces);
 #ifdef HAS_GLOSSY
     vstore3(-photon.direction, slot, directions);
 #endif
@@ -127,7 +127,7 @@ INLINE void store_photon(Bool stored, Uint slot, Photon photon, Surface surface,
     CONCAT(vstore, LANES)(stored, 0, masks);
     spill3(position, surface.position);
     spill3(power, scale3(photon.throughput, photon.power));
-    spill3(where, make3(to_real(surface.object), pick(surface.inside, -1.0f, 1.0f), to_real(photon.bounce)));
+    spill3(where, make3(to_real(surface.object), surface.side, to_real(photon.bounce)));
 #ifdef HAS_GLOSSY
     float direction[3 * LANES];
     spill3(direction, negate3(photon.direction));
