@@ -4,10 +4,15 @@
 use crate::error::{Error, Result};
 use crate::layout::{Face, Gather, MAX_EXACT_INDEX, Object, PLANE};
 
-/// Cells per radius, along each axis. Measured on a closed room at 200k photons: candidates per accepted photon are
-/// 1.22 at R/6, 1.34 at R/4, 1.70 at R/2, 2.55 at R, 4.6 at 2R, for 12.9, 8.9, 4.9, 3.0 and 2.0 runs a query.
-/// On CPUs, where a run costs as much as a few photons, R/2 and R/3 are the fastest.
+/// Cells per radius, along each axis, where a work-item's lanes gather together. Measured on a closed room at 200k
+/// photons: candidates per accepted photon are 1.22 at R/6, 1.34 at R/4, 1.70 at R/2, 2.55 at R, 4.6 at 2R for one
+/// query, in 12.9, 8.9, 4.9, 3.0 and 2.0 runs; for 16 pixels together 1.6 to 1.9, 1.7 to 2.1, 2.1 to 2.5, 3.0 to 3.5.
+/// Together candidates are cheap and runs are not.
 pub const CELLS_PER_RADIUS: f32 = 2.0;
+
+/// The same where every query walks alone, as fragments do: there a candidate costs two fetches. Measured on llvmpipe:
+/// a tenth to a fifth faster than R/2 and R/4.
+pub const CELLS_PER_RADIUS_ALONE: f32 = 3.0;
 
 /// Number of the cell along an axis, beyond which `cell.glsl` would clamp.
 const MAX_CELL: f32 = 4_000_000.0;
@@ -32,9 +37,9 @@ impl Bounds {
 
     /// Widens the box.
     pub fn add(&mut self, p: [f32; 3]) {
-        for axis in 0..3 {
-            self.low[axis] = self.low[axis].min(p[axis]);
-            self.high[axis] = self.high[axis].max(p[axis]);
+        for ((low, high), p) in self.low.iter_mut().zip(&mut self.high).zip(p) {
+            *low = low.min(p);
+            *high = high.max(p);
         }
     }
 }
@@ -45,6 +50,8 @@ pub enum CellSize {
     /// R divided by [`CELLS_PER_RADIUS`].
     #[default]
     Auto,
+    /// R divided by this.
+    PerRadius(f32),
     /// Along x, y, z; metres.
     Metres([f32; 3]),
     /// So many cells along x, y, z of the box of all photons, as `--grid NXxNYxNZ` asks for.
@@ -70,7 +77,7 @@ pub struct Plan {
     pub hashed: bool,
     /// Cells, or buckets, of the table.
     pub cells: usize,
-    /// Two a object.
+    /// Two an object.
     pub faces: Vec<Face>,
     /// Radius, cell size, bucket mask.
     pub gather: Gather,
@@ -117,6 +124,7 @@ pub fn plan(
     }
     let mut cell = match size {
         CellSize::Auto => [radius / CELLS_PER_RADIUS; 3],
+        CellSize::PerRadius(cells) => [radius / cells; 3],
         CellSize::Metres(cell) => cell,
         // A box without depth is one cell deep whatever its size.
         CellSize::Counts(counts) => [0, 1, 2].map(|i| {
@@ -126,8 +134,8 @@ pub fn plan(
     };
     // Photons kilometres away must not run out of cell numbers: larger cells serve them, far from every query.
     if !all.is_empty() {
-        for axis in 0..3 {
-            cell[axis] = cell[axis].max(all.high[axis].abs().max(all.low[axis].abs()) * 2.0 / MAX_CELL);
+        for ((cell, low), high) in cell.iter_mut().zip(all.low).zip(all.high) {
+            *cell = cell.max(high.abs().max(low.abs()) * 2.0 / MAX_CELL);
         }
     }
     let inverse_cell = cell.map(|c| 1.0 / c);

@@ -16,6 +16,17 @@ pub struct Gathering {
     pub clip: bool,
     /// Photons may lie on both sides of a plane.
     pub both_sides: bool,
+    /// A sphere cuts a plane and covers a circle of it.
+    pub footprints: bool,
+}
+
+/// Whether some sphere cuts some plane.
+fn footprints(spheres: &[Object], planes: &[Object]) -> bool {
+    let cuts = |sphere: &Object, plane: &Object| {
+        let height = (0..3).map(|axis| plane.anchor[axis] * sphere.anchor[axis]).sum::<f32>() - plane.extent;
+        height.abs() < sphere.extent
+    };
+    planes.iter().any(|plane| spheres.iter().any(|sphere| cuts(sphere, plane)))
 }
 
 /// Most photons that the k-nearest method takes (`KNN_MAX`).
@@ -37,6 +48,7 @@ impl Gathering {
         Gathering {
             clip: planes > 0 && objects.len() > 1,
             both_sides: planes > 0 && objects.len() > 1 && divided,
+            footprints: footprints(&objects[..sphere_count], &objects[sphere_count..]),
             ..Gathering::default()
         }
     }
@@ -54,6 +66,7 @@ impl Gathering {
         add(self.hashed, "GRID_HASHED");
         add(self.clip, "HAS_CLIP");
         add(self.both_sides, "HAS_BOTH_SIDES");
+        add(self.footprints, "HAS_FOOTPRINTS");
         defines
     }
 
@@ -70,8 +83,10 @@ impl Gathering {
                 (Method::Brute, false),
             ] {
                 for (clip, both_sides) in all.into_iter().flat_map(|a| all.map(|b| (a, b))) {
-                    if clip || !both_sides {
-                        reachable.push(Gathering { method, kernel, hashed, clip, both_sides });
+                    for footprints in all {
+                        if clip || !(both_sides || footprints) {
+                            reachable.push(Gathering { method, kernel, hashed, clip, both_sides, footprints });
+                        }
                     }
                 }
             }

@@ -17,6 +17,7 @@ pub mod cli;
 
 pub mod pipeline;
 pub mod radius;
+pub mod reference;
 pub mod validate;
 
 pub mod stage;

@@ -3,7 +3,7 @@
 use std::rc::Rc;
 use std::time::Instant;
 
-use crate::cells::{CellSize, Form};
+use crate::cells::{CELLS_PER_RADIUS_ALONE, CellSize, Form};
 use crate::change::{Change, Stage, is_stale};
 use crate::cl;
 use crate::cpu::scene::SceneTables;
@@ -204,7 +204,11 @@ impl Pipeline {
                     Some(radius) => radius,
                     None => radius::choose(&tables, &frame, &self.map.sample(radius::SAMPLE)?, stored),
                 };
-                let size = settings.gather.cells.map_or(CellSize::Auto, CellSize::Counts);
+                let size = match settings.gather.cells {
+                    Some(counts) => CellSize::Counts(counts),
+                    None if self.backend == Backend::OpenGl => CellSize::PerRadius(CELLS_PER_RADIUS_ALONE),
+                    None => CellSize::Auto,
+                };
                 let nearest = settings.gather.nearest;
                 grid = (radius, self.map.sort(&Wanted { radius, size, form: Form::Auto, nearest })?);
                 times.grid = lap.ms();

@@ -167,7 +167,7 @@ fn locate(line: &str) -> Option<(usize, &str)> {
     for (at, _) in line.match_indices(':') {
         if let Some((found, rest)) = number(&line[at + 1..])
             && let Some((_column, rest)) = rest.strip_prefix(':').and_then(number)
-            && rest.starts_with(':')
+            && (rest.starts_with(':') || rest.starts_with(" <"))
         {
             return Some((found, &rest[message(rest)..]));
         }

@@ -74,6 +74,51 @@ Real beyond_both(Real a, Real b, Real cosine) {
     return pick(a * a + along_a * along_a < 1.0f, crossing, apart);
 }
 
+#ifdef HAS_FOOTPRINTS
+// 2π times the kernel's integral from distance r to the rim, along one direction: g of beyond_to.
+Real beyond_radius(Real r) {
+    r = min(max(r, lanes(0.0f)), lanes(1.0f));
+    Real w = 1.0f - r * r;
+#if defined(KERNEL_CONSTANT)
+    return w;
+#elif defined(KERNEL_CONE)
+    return w - 2.0f * r * r * (1.0f - r);
+#elif defined(KERNEL_BIWEIGHT)
+    return w * w * w;
+#else
+    return w * w;
+#endif
+}
+
+// The kernel's integral over what a circle of radius rho around a point at a distance > rho covers of the unit disc.
+// In polar coordinates, with sin θ = (rho/distance) sin φ; the midpoint rule in φ converges fast on what is periodic.
+Real covered_by_circle(Real distance, Real rho) {
+    Real sum = lanes(0.0f);
+    for (int k = 0; k < 8; k++) {
+        float phi = (float_of(k) + 0.5f) * 0.19634954f; // π/16
+        Real s = rho / distance * lanes(sin(phi));
+        Real c = sqrt(max(1.0f - s * s, lanes(1e-12f)));
+        Real half_length = rho * lanes(cos(phi));
+        Real middle = distance * c;
+        sum += (beyond_radius(middle - half_length) - beyond_radius(middle + half_length)) * (half_length / c);
+    }
+    return sum / distance * (2.0f * 0.19634954f * TWO_PI_INV);
+}
+
+// What sphere i, where it cuts the plane that the point lies on, covers of the disc.
+Real footprint(SCENE_PARAMS int i, Surface surface, Real inverse_radius) {
+    Vec3 away = sub3(object_anchor_same(i), surface.position);
+    Real radius = object_extent_same(i);
+    Real height = dot3(away, surface.normal);
+    Vec3 across = sub3(away, scale3(surface.normal, height));
+    Real distance = sqrt(dot3(across, across)) * inverse_radius;
+    Real rho = sqrt(max(radius * radius - height * height, lanes(0.0f))) * inverse_radius;
+    Bool covers = surface.object >= SPHERE_COUNT && rho > 0.0f && distance > rho && distance - rho < 1.0f;
+    if (!any_lane(covers)) return lanes(0.0f);
+    return pick(covers, covered_by_circle(pick(covers, distance, 1.0f), pick(covers, rho, 0.5f)), 0.0f);
+}
+#endif
+
 #ifdef HAS_CLIP
 // Where a plane cuts the disc around a query point.
 STRUCT(Chord)
@@ -143,6 +188,10 @@ Real visible_part(SCENE_PARAMS Surface surface, Real inverse_radius) {
             }
         }
     }
+#ifdef HAS_FOOTPRINTS
+    // What a plane cuts off of a footprint is taken away twice.
+    for (int i = 0; i < first; i++) part -= footprint(SCENE i, surface, inverse_radius);
+#endif
     // Three planes that meet in a needle take the same part away thrice; a corner of 1° still keeps 1/360.
     return max(part, lanes(1e-3f));
 }

@@ -4,6 +4,7 @@ mod compare;
 mod doctor;
 mod options;
 mod plan;
+mod reference;
 mod render;
 mod validate;
 
@@ -24,6 +25,7 @@ enum Command {
     Render(render::Args),
     Compare(compare::Args),
     Validate(validate::Args),
+    Reference(reference::Args),
     Plan(plan::Args),
     Doctor(doctor::Args),
 }
@@ -37,6 +39,7 @@ pub fn run() -> Result<()> {
         Command::Render(args) => render::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Validate(args) => validate::run(&args),
+        Command::Reference(args) => reference::run(&args),
         Command::Plan(args) => plan::run(&args),
         Command::Doctor(args) => doctor::run(&args),
     }

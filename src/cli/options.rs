@@ -6,12 +6,10 @@ use std::str::FromStr;
 use clap::{Args, ValueEnum};
 
 use crate::error::Result;
+use crate::gathering::MAX_NEAREST;
 use crate::pipeline::Machine;
 use crate::scene::{self, Scene};
-use crate::gathering::MAX_NEAREST;
-use crate::settings::{
-    Amount, Backend, DensityKernel, Gather, LightMode, Method, Photons, Sampler, Settings,
-};
+use crate::settings::{Amount, Backend, DensityKernel, Gather, LightMode, Method, Photons, Sampler, Settings};
 
 /// The scene, and how it is rendered.
 #[derive(Args, Clone, Debug)]
@@ -172,7 +170,11 @@ fn parse_count(text: &str) -> std::result::Result<u32, String> {
         _ => (text, 1.0),
     };
     let count = digits.parse::<f64>().map_err(|_| expected())? * unit;
-    if count.fract() == 0.0 && (1.0..=f64::from(i32::MAX)).contains(&count) { Ok(count as u32) } else { Err(expected()) }
+    if count.fract() == 0.0 && (1.0..=f64::from(i32::MAX)).contains(&count) {
+        Ok(count as u32)
+    } else {
+        Err(expected())
+    }
 }
 
 fn parse_radius(text: &str) -> std::result::Result<f32, String> {

@@ -5,7 +5,7 @@ use std::f32::consts::{FRAC_1_PI, TAU};
 use glam::Vec3;
 
 use super::scene::{SceneTables, Surface};
-use crate::gathering::DensityKernel;
+use crate::gathering::{DensityKernel, Gathering};
 
 /// K(0) for R = 1.
 pub fn kernel_peak(kernel: DensityKernel) -> f32 {
@@ -107,7 +107,8 @@ pub fn chord_of(scene: &SceneTables, i: usize, surface: &Surface, inverse_radius
 }
 
 /// The kernel's integral over the part of the disc on the query point's side of every plane.
-pub fn visible_part(scene: &SceneTables, kernel: DensityKernel, surface: &Surface, inverse_radius: f32) -> f32 {
+pub fn visible_part(scene: &SceneTables, gathering: &Gathering, surface: &Surface, inverse_radius: f32) -> f32 {
+    let kernel = gathering.kernel;
     let mut part = 1.0f32;
     for i in scene.sphere_count..scene.objects.len() {
         let chord = chord_of(scene, i, surface, inverse_radius);
@@ -121,7 +122,51 @@ pub fn visible_part(scene: &SceneTables, kernel: DensityKernel, surface: &Surfac
             }
         }
     }
+    for i in (0..scene.sphere_count).filter(|_| gathering.footprints) {
+        part -= footprint(scene, i, kernel, surface, inverse_radius);
+    }
     part.max(1e-3)
+}
+
+/// 2π times the kernel's integral from distance `r` to the rim, along one direction.
+pub fn beyond_radius(kernel: DensityKernel, r: f32) -> f32 {
+    let r = r.clamp(0.0, 1.0);
+    let w = 1.0 - r * r;
+    match kernel {
+        DensityKernel::Constant => w,
+        DensityKernel::Epanechnikov => w * w,
+        DensityKernel::Cone => w - 2.0 * r * r * (1.0 - r),
+        DensityKernel::Biweight => w * w * w,
+    }
+}
+
+/// The kernel's integral over what a circle of radius `rho` around a point at `distance` > `rho` covers of the disc.
+pub fn covered_by_circle(kernel: DensityKernel, distance: f32, rho: f32) -> f32 {
+    let mut sum = 0.0;
+    for k in 0..8 {
+        let (sine, cosine) = ((k as f32 + 0.5) * (TAU / 32.0)).sin_cos();
+        let s = rho / distance * sine;
+        let c = (1.0 - s * s).max(1e-12).sqrt();
+        let (middle, half_length) = (distance * c, rho * cosine);
+        sum += (beyond_radius(kernel, middle - half_length) - beyond_radius(kernel, middle + half_length))
+            * (half_length / c);
+    }
+    sum / distance * (2.0 / 32.0)
+}
+
+/// What sphere `i`, where it cuts the plane that the point lies on, covers of the disc.
+pub fn footprint(scene: &SceneTables, i: usize, kernel: DensityKernel, surface: &Surface, inverse_radius: f32) -> f32 {
+    let sphere = &scene.objects[i];
+    let away = Vec3::from(sphere.anchor) - surface.position;
+    let height = away.dot(surface.normal);
+    let across = away - surface.normal * height;
+    let distance = across.dot(across).sqrt() * inverse_radius;
+    let rho = (sphere.extent * sphere.extent - height * height).max(0.0).sqrt() * inverse_radius;
+    if surface.object >= scene.sphere_count && rho > 0.0 && distance > rho && distance - rho < 1.0 {
+        covered_by_circle(kernel, distance, rho)
+    } else {
+        0.0
+    }
 }
 
 #[cfg(test)]
@@ -183,6 +228,19 @@ mod tests {
                     let close = (closed - numeric).abs() < 4.0 * LATTICE;
                     assert!(close, "{kernel:?}, {a} and {b} at {degrees}°: {closed} against {numeric}");
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn circles_are_integrated_well() {
+        for kernel in DensityKernel::ALL {
+            for (distance, rho) in [(0.5, 0.3), (0.5, 0.49), (1.0, 0.4), (1.2, 0.9), (5.0, 4.5), (20.0, 19.9)] {
+                let found = f64::from(covered_by_circle(kernel, distance as f32, rho as f32));
+                let numeric = integrate(kernel, 500, |x, y| (x - distance).powi(2) + y * y < rho * rho);
+                // Eight directions: half a percent of the disc at worst, where a large circle nearly touches the
+                // point or the constant kernel's rim kinks the integrand; a footprint covers up to half.
+                assert!((found - numeric).abs() < 0.02, "{kernel:?}, {rho} at {distance}: {found} against {numeric}");
             }
         }
     }

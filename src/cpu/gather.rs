@@ -53,20 +53,18 @@ pub fn for_each_candidate(map: &PhotonMap, face: usize, point: Vec3, mut visit: 
     let reach = radius * 1.0005 + 5e-7 * (size + Vec3::from(origin).abs().element_sum());
     let at = grid_axes(point.to_array(), record.flipped);
     let at = [0, 1, 2].map(|axis| at[axis] - origin[axis]);
-    let mut range = [0, 1, 2]
-        .map(|axis| (cell_along(at[axis] - reach, inverse[axis]), cell_along(at[axis] + reach, inverse[axis])));
-    if !map.plan.hashed {
-        for axis in 1..3 {
-            range[axis] = (range[axis].0.max(0), range[axis].1.min(record.counts[axis] as i32 - 1));
-        }
-    }
+    let range = |axis: usize| {
+        let first = cell_along(at[axis] - reach, inverse[axis]);
+        let last = cell_along(at[axis] + reach, inverse[axis]);
+        if map.plan.hashed { first..=last } else { first.max(0)..=last.min(record.counts[axis] as i32 - 1) }
+    };
     let gap = |number: i32, axis: usize| {
         let low = number as f32 * cell[axis];
         (low - at[axis]).max(at[axis] - (low + cell[axis])).max(0.0)
     };
-    for w in range[2].0..=range[2].1 {
+    for w in range(2) {
         let w_left = reach * reach - gap(w, 2) * gap(w, 2);
-        for v in range[1].0..=range[1].1 {
+        for v in range(1) {
             let chord = (w_left - gap(v, 1) * gap(v, 1)).max(0.0).sqrt();
             let mut u_first = cell_along(at[0] - chord, inverse[0]);
             let mut u_last = cell_along(at[0] + chord, inverse[0]);
@@ -175,7 +173,7 @@ pub fn photon_radiance(scene: &SceneTables, map: &PhotonMap, surface: &Surface, 
     }
     let mut scale = kernel_peak(kernel) * inverse_radius * inverse_radius;
     if map.gathering.clip {
-        scale /= visible_part(scene, kernel, surface, inverse_radius);
+        scale /= visible_part(scene, map.gathering, surface, inverse_radius);
     }
     let diffuse = Vec3::from(object.color) * (object.diffuse * FRAC_1_PI);
     (diffuse * sum.flux + sum.glint * object.specular) * scale

@@ -212,7 +212,8 @@ impl MapStage {
             MapStage::Device(map) => map.stored.as_ref().map_or(0, PhotonMap::bytes) + map.grid.bytes(),
             MapStage::Host(map) => {
                 let grid = &map.grid;
-                size_of_val(&map.stored.positions[..]) * 4 + size_of_val(&grid.positions[..]) * 2
+                size_of_val(&map.stored.positions[..]) * 4
+                    + size_of_val(&grid.positions[..]) * 2
                     + size_of_val(&grid.cell_starts[..])
             }
         }

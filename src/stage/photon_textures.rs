@@ -3,14 +3,15 @@
 use bytemuck::Pod;
 
 use super::grid::{Grid, Photons};
-use crate::cl::{Buffer, Context};
 use crate::cells::Plan;
+use crate::cl::{Buffer, Context};
 use crate::cpu::grid::{GridTables, PhotonTables};
 use crate::error::Result;
 use crate::gathering::{Gathering, Method};
 use crate::gl::{Functions, Program, TableTexture};
 use crate::layout::{
-    Face, Gather, PhotonCell, PhotonDirection, PhotonPosition, PhotonPower, PhotonSurface, Record, TEXEL, TEXTURE_WIDTH_LOG2,
+    Face, Gather, PhotonCell, PhotonDirection, PhotonPosition, PhotonPower, PhotonSurface, Record, TEXEL,
+    TEXTURE_WIDTH_LOG2,
 };
 
 /// The photon map as textures, one a property; what a permutation does not read is neither read back nor uploaded.
@@ -47,7 +48,13 @@ impl PhotonTextures {
     ///
     /// # Errors
     /// [`crate::error::Error::Device`] when a table is larger than the driver's textures.
-    pub fn fill_from_host(&mut self, plan: &Plan, stored: &PhotonTables, grid: &GridTables, gathering: &Gathering) -> Result<()> {
+    pub fn fill_from_host(
+        &mut self,
+        plan: &Plan,
+        stored: &PhotonTables,
+        grid: &GridTables,
+        gathering: &Gathering,
+    ) -> Result<()> {
         self.gather = plan.gather;
         if gathering.method == Method::Brute {
             self.tables[3].fill(stored.positions)?;

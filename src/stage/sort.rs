@@ -37,9 +37,9 @@ impl Sort {
     /// # Errors
     /// [`crate::error::Error::Build`] when the driver refuses them.
     pub fn new(context: &Context) -> Result<Sort> {
-        // Counters of a GPU's work-item: 16, in registers or nearly; of a CPU's: 1 KiB, well inside its L1 cache,
-        // with few enough write streams for its TLB.
-        let digit_bits = if context.device.lanes == 1 { 4 } else { 8 };
+        // Counters of a GPU's work-item: 16, in registers or nearly; of a CPU's: 8 KiB, inside its L1 cache, and two
+        // passes for every table up to 2²² cells (measured at 6, 8, 9 and 11 bits).
+        let digit_bits = if context.device.lanes == 1 { 4 } else { 11 };
         let defines = vec![format!("DIGIT_BITS {digit_bits}")];
         let source = assemble("sort.cl", None, &Options { defines, ..Options::default() });
         Ok(Sort {

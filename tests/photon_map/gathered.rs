@@ -1,12 +1,12 @@
 //! Radiance gathered by every method and form, on the device and by the twin, is the same but for the order of sums.
 
 use glam::{DVec3, Vec3};
-use photile::cells::Form;
+use photile::cells::{CellSize, Form};
 use photile::cl::{Arg, Buffer, Context};
 use photile::cpu::camera::camera_direction;
 use photile::cpu::gather::{PhotonMap, photon_radiance};
 use photile::cpu::grid::grid;
-use photile::cpu::scene::SceneTables;
+use photile::cpu::scene::{SceneTables, Surface};
 use photile::features::{Features, Lights};
 use photile::gathering::{DensityKernel, Gathering, Method};
 use photile::gl::{Headless, Program, Target};
@@ -16,7 +16,8 @@ use photile::source::{Options, assemble};
 use photile::stage::grid::{GridStage, Wanted};
 use photile::stage::photon_textures::PhotonTextures;
 
-use super::{DeviceMap, Map, ROOM_SPHERES, device, room, room_photons};
+use super::timings::closed_room;
+use super::{DeviceMap, Map, ROOM_SPHERES, Random, device, room, room_photons};
 
 const WIDTH: usize = 64;
 const HEIGHT: usize = 48;
@@ -149,7 +150,8 @@ fn grids_of_both_forms_equal_brute_force_on_every_lane_width() {
     let map = room_photons(3000, 11);
     for radius in [0.15, 1.0] {
         for kernel in DensityKernel::ALL {
-            let gathering = Gathering { kernel, clip: true, both_sides: true, ..Gathering::default() };
+            let gathering =
+                Gathering { kernel, clip: true, both_sides: true, footprints: true, ..Gathering::default() };
             let truth = by_twin(&map, &Wanted::radius(radius), Gathering { method: Method::Brute, ..gathering });
             for form in [Form::Dense, Form::Hashed(Some(32))] {
                 let wanted = Wanted { form, ..Wanted::radius(radius) };
@@ -186,12 +188,48 @@ fn device_and_twin_gather_the_same() {
         (Method::Knn, DensityKernel::Biweight, true),
         (Method::Brute, DensityKernel::Cone, true),
     ] {
-        let gathering = Gathering { method, kernel, clip: true, both_sides, hashed: false };
+        let gathering = Gathering { method, kernel, clip: true, both_sides, footprints: both_sides, hashed: false };
         let wanted = Wanted { nearest: 12, ..Wanted::radius(0.8) };
         let twin = by_twin(&map, &wanted, gathering);
         let found = on_device(&context, &mut stage, &map, &wanted, gathering, context.device.lanes);
         let off = difference(&twin, &found);
         assert!(off < OTHER_COMPILER, "{gathering:?}: {off}");
+    }
+}
+
+/// Mean of the radiance at points of a uniformly lit closed room, as a share of the truth, where walls cut discs:
+/// within a third of R of a corner on one wall, R = 0.5.
+fn share_of_truth_in_corners(gathering: Gathering) -> f32 {
+    let photons = 100_000;
+    let (packed, mut map) = closed_room(photons);
+    map.powers.iter_mut().for_each(|p| p.power = [1.0; 3]);
+    let features = Features { spheres: false, glossy: false, ..features() };
+    let scene = SceneTables::new(&packed, &features);
+    let plan = map.plan(&packed.objects, 0.5, CellSize::Auto, Form::Auto);
+    let tables = grid(&map.tables(), &plan);
+    let map = PhotonMap { gathering: &gathering, plan: &plan, stored: map.tables(), grid: &tables };
+    let (mut random, queries, mut sum) = (Random::new(15), 400, 0.0);
+    for _ in 0..queries {
+        let corner = [0, 1, 2].map(|_| if random.uniform(0.0, 1.0) < 0.5 { -1.0 } else { 1.0 });
+        let inwards = [random.uniform(0.0, 0.17), 0.0, random.uniform(0.0, 0.17)];
+        let position = Vec3::from([3.0, 2.0, 3.0]) * Vec3::from(corner) - Vec3::from(corner) * Vec3::from(inwards);
+        let (object, side) = if corner[1] < 0.0 { (2, 1.0) } else { (3, -1.0) };
+        let surface = Surface { position, normal: Vec3::Y * side, object, side };
+        sum += photon_radiance(&scene, &map, &surface, surface.normal).x;
+    }
+    // 168 m² of walls; albedo 0.7.
+    let truth = 0.7 * std::f32::consts::FRAC_1_PI * photons as f32 / 168.0;
+    sum / queries as f32 / truth
+}
+
+#[test]
+fn corners_are_as_bright_as_walls() {
+    for kernel in DensityKernel::ALL {
+        let clipped = share_of_truth_in_corners(Gathering { kernel, clip: true, ..Gathering::default() });
+        // Eight corners with some 120 photons within R of each, all queries of a corner sharing them: 3 %.
+        assert!((clipped - 1.0).abs() < 0.1, "{kernel:?}: {clipped}");
+        let open = share_of_truth_in_corners(Gathering { kernel, ..Gathering::default() });
+        assert!(open < 0.6, "without clipping corners must be dark, {kernel:?}: {open}");
     }
 }
 
@@ -208,7 +246,7 @@ fn the_fragment_shader_gathers_the_same() {
         (Method::Brute, Form::Dense),
     ] {
         let both_sides = form != Form::Dense;
-        let gathering = Gathering { method, clip: true, both_sides, ..Gathering::default() };
+        let gathering = Gathering { method, clip: true, both_sides, footprints: both_sides, ..Gathering::default() };
         let wanted = Wanted { nearest: 12, form, ..Wanted::radius(0.8) };
         let twin = by_twin(&map, &wanted, gathering);
         let found = on_gl(&context, &headless, &mut stage, &map, &wanted, gathering);

@@ -3,6 +3,7 @@
 mod gathered;
 mod queries;
 mod tables;
+mod timings;
 
 use std::ops::Deref;
 use std::sync::{Mutex, MutexGuard};

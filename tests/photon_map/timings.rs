@@ -1,0 +1,151 @@
+//! Timings, on request: `cargo test --release --test photon_map timings -- --ignored --nocapture`.
+
+use std::time::Instant;
+
+use glam::{DVec3, Vec3};
+use photile::cells::CellSize;
+use photile::cl::{Arg, Buffer};
+use photile::features::{Features, Lights};
+use photile::gathering::Gathering;
+use photile::gl::{Headless, Program, Target};
+use photile::layout::{Frame, Object, PLANE};
+use photile::pack::Packed;
+use photile::source::{Options, assemble};
+use photile::stage::grid::{GridStage, Wanted};
+use photile::stage::photon_textures::PhotonTextures;
+
+use super::{DeviceMap, Map, Random, device, surface_point};
+
+const WIDTH: usize = 640;
+const HEIGHT: usize = 480;
+
+/// A closed room of 6 × 4 × 6 m with uniform photons on its walls.
+pub fn closed_room(photons: usize) -> (Packed, Map) {
+    let half = [3.0f32, 2.0, 3.0];
+    let objects: Vec<Object> = (0..6)
+        .map(|i| {
+            let (axis, sign) = (i / 2, if i % 2 == 0 { -1.0 } else { 1.0 });
+            let anchor = [0, 1, 2].map(|a| f32::from(u8::from(a == axis)));
+            Object {
+                anchor,
+                extent: sign * half[axis],
+                kind: PLANE,
+                color: [0.7; 3],
+                diffuse: 1.0,
+                ..Object::default()
+            }
+        })
+        .collect();
+    let (mut random, mut map) = (Random::new(1), Map::default());
+    // In proportion to the walls' areas: 24, 36 and 24 m² by axis.
+    for _ in 0..photons {
+        let axis = [0, 1, 1, 1, 2, 0, 2][random.below(7)];
+        let wall = 2 * axis + random.below(2);
+        let side = if wall % 2 == 0 { 1.0 } else { -1.0 };
+        let position = surface_point(&objects[wall], &mut random);
+        map.push(position, wall, side, &mut random);
+    }
+    (Packed { origin: DVec3::ZERO, objects, sphere_count: 0, lights: Vec::new(), glasses: Vec::new() }, map)
+}
+
+fn frame() -> Frame {
+    let half_height = 26.565f32.to_radians().tan();
+    Frame {
+        position: [0.0, 0.0, 2.9],
+        right: (Vec3::X * half_height * 4.0 / 3.0).to_array(),
+        up: (Vec3::Y * half_height).to_array(),
+        forward: [0.0, 0.0, -1.0],
+        width: WIDTH as f32,
+        height: HEIGHT as f32,
+        samples: 1.0,
+        plane_count: 6.0,
+        ..Frame::default()
+    }
+}
+
+/// Median and least milliseconds of some runs, after one that does not count.
+fn time(runs: usize, mut run: impl FnMut()) -> (f64, f64) {
+    run();
+    let mut times: Vec<f64> = (0..runs)
+        .map(|_| {
+            let start = Instant::now();
+            run();
+            start.elapsed().as_secs_f64() * 1e3
+        })
+        .collect();
+    times.sort_by(f64::total_cmp);
+    (times[runs / 2], times[0])
+}
+
+#[test]
+#[ignore = "measures, asserts nothing"]
+fn timings() {
+    let context = device();
+    let mut stage = GridStage::new(&context).unwrap();
+    println!("{}, {} lanes; milliseconds: median (least)", context.device.name, context.device.lanes);
+    for count in [12_000, 200_000, 1_000_000] {
+        let (packed, map) = closed_room(count);
+        let uploaded = DeviceMap::new(&context, &map);
+        let photons = photile::stage::grid::Photons { directions: None, ..uploaded.photons() };
+        let (median, least) = time(9, || {
+            stage.build(&context, &packed.objects, &photons, &Wanted::radius(0.1)).unwrap();
+            context.finish().unwrap();
+        });
+        let rate = count as f64 / median / 1e3;
+        println!("grid of {count:>7} photons: {median:6.2} ({least:.2}), {rate:.0} M photons/s");
+    }
+
+    let (packed, map) = closed_room(200_000);
+    let features = Features {
+        spheres: false,
+        planes: true,
+        lights: Lights::None,
+        sphere_shadows: false,
+        plane_shadows: false,
+        glossy: false,
+        ambient: false,
+        one_sample: true,
+        in_uniforms: true,
+    };
+    let uploaded = DeviceMap::new(&context, &map);
+    let photons = photile::stage::grid::Photons { directions: None, ..uploaded.photons() };
+    let frame_buffer = Buffer::from_slice(&context, &[frame()]).unwrap();
+    let objects = Buffer::from_slice(&context, &packed.objects).unwrap();
+    let lights = Buffer::from_slice(&context, &packed.lights).unwrap();
+    let film = Buffer::<[f32; 3]>::new(&context, WIDTH * HEIGHT).unwrap();
+    let headless = Headless::new().ok();
+    for radius in [0.1f32, 0.2] {
+        for ratio in [0.25, 1.0 / 3.0, 0.5, 1.0] {
+            let wanted = Wanted { size: CellSize::Metres([radius * ratio; 3]), ..Wanted::radius(radius) };
+            let grid = stage.build(&context, &packed.objects, &photons, &wanted).unwrap();
+            let gathering = Gathering { clip: true, ..Gathering::default() };
+            for lanes in [context.device.lanes, 1] {
+                let options = Options { lanes, defines: gathering.defines(), ..Options::default() };
+                let source = assemble("trace.cl", Some(&features), &options);
+                let kernel = context.kernel(&source, "trace").unwrap();
+                let mut args: Vec<Arg> = vec![(&frame_buffer).into(), (&objects).into(), (&lights).into()];
+                args.extend(grid.args(&photons, gathering.method));
+                let film_args: [Arg; 3] = [(&film).into(), (WIDTH as i32).into(), (HEIGHT as i32).into()];
+                args.extend(film_args);
+                let (columns, rows) = if lanes == 16 { (4, 4) } else { (1, 1) };
+                let (median, least) = time(9, || {
+                    context.launch(&kernel, &args, &[WIDTH / columns, HEIGHT / rows], Some(&[8, 8])).unwrap();
+                    context.finish().unwrap();
+                });
+                println!("R = {radius}, cell {ratio:.2} R, OpenCL, {lanes:>2} lanes: {median:6.1} ({least:.1})");
+            }
+            let Some(headless) = &headless else { continue };
+            let mut textures = PhotonTextures::new(&headless.gl).unwrap();
+            textures.fill(&context, grid, &photons, &gathering).unwrap();
+            let options = Options { defines: gathering.defines(), ..Options::default() };
+            let program = Program::new(&headless.gl, &assemble("trace.frag", Some(&features), &options)).unwrap();
+            let target = Target::new(&headless.gl, WIDTH as u32, HEIGHT as u32, false).unwrap();
+            program.activate(&PhotonTextures::SAMPLERS);
+            program.set_records(&[frame()]);
+            program.set_records(&packed.objects);
+            textures.bind(&program, 0);
+            let (median, least) = time(3, || target.draw(&program).unwrap());
+            println!("R = {radius}, cell {ratio:.2} R, OpenGL          : {median:6.1} ({least:.1})");
+        }
+    }
+}
