@@ -5,6 +5,7 @@
 // bounce order. First every run's photons are counted, then the counts are scanned (scan.cl), then the same walks
 // are made again and write: no photon is lost, and no order depends on scheduling.
 #include "shim.cl"
+#include "incoherent.cl"
 #include "layout"
 #include "shared/vector.glsl"
 #include "shared/random.glsl"
@@ -53,7 +54,7 @@ __kernel void photons_count(WALK_PARAMS, __global uint *counts, uint runs) {
     Photon photon = no_photon();
     Bool alive = NO_LANE;
     while (any_lane(path < end)) {
-        if (any_lane(!alive)) photon = pick_photon(alive, photon, emit_photon(EMISSION path, stream));
+        if (any_lane(!alive)) photon = pick_photon(alive, photon, emit_photon(SCENE EMISSION path, stream));
         Step step = walk(SCENE photon);
         count += pick_u(step.stored && path < end, 1u, 0u);
         photon = step.photon;
@@ -73,7 +74,7 @@ __kernel void photons_last(WALK_PARAMS, uint wanted, __global uint *last_path) {
     Bool alive = NO_LANE;
     uint number = first_path;
     while (number < end_path) {
-        if (any_lane(!alive)) photon = emit_photon(EMISSION lanes_u(number), stream);
+        if (any_lane(!alive)) photon = emit_photon(SCENE EMISSION lanes_u(number), stream);
         Step step = walk(SCENE photon);
         if (any_lane(step.stored)) count++;
         if (count == wanted) break;
@@ -104,34 +105,42 @@ void store_photon(Bool stored, Uint slot, Photon photon, Surface surface, MAP_PA
 #endif
 }
 #else
-INLINE void store_lanes(uint count, const uint *lane_of, const uint *slots, Vec3 v, __global float *table) {
-    float x[LANES], y[LANES], z[LANES];
-    CONCAT(vstore, LANES)(v.x, 0, x);
-    CONCAT(vstore, LANES)(v.y, 0, y);
-    CONCAT(vstore, LANES)(v.z, 0, z);
-    for (uint i = 0; i < count; i++) {
-        uint lane = lane_of[i];
-        vstore3((float3)(x[lane], y[lane], z[lane]), slots[lane], table);
-    }
+// Three fields of each lane, one after the other, from `fields` on.
+INLINE void spill3(float *fields, Vec3 v) {
+    CONCAT(vstore, LANES)(v.x, 0, fields);
+    CONCAT(vstore, LANES)(v.y, 1, fields);
+    CONCAT(vstore, LANES)(v.z, 2, fields);
 }
 
+INLINE void write3(__global float *table, uint slot, const float *fields, uint lane) {
+    table[3u * slot] = fields[lane];
+    table[3u * slot + 1u] = fields[LANES + lane];
+    table[3u * slot + 2u] = fields[2 * LANES + lane];
+}
+
+// By way of the stack: measured a quarter faster than table by table, and no slower than scatter instructions.
 INLINE void store_photon(Bool stored, Uint slot, Photon photon, Surface surface, MAP_PARAMS) {
-    uint slots[LANES], lane_of[LANES];
+    uint slots[LANES];
     int masks[LANES];
+    float position[3 * LANES], power[3 * LANES], where[3 * LANES];
     CONCAT(vstore, LANES)(slot, 0, slots);
     CONCAT(vstore, LANES)(stored, 0, masks);
-    // Which lanes store, without a branch that a lane could mispredict.
-    uint count = 0u;
-    for (uint lane = 0; lane < LANES; lane++) {
-        lane_of[count] = lane;
-        count += masks[lane] & 1;
-    }
-    store_lanes(count, lane_of, slots, surface.position, positions);
-    store_lanes(count, lane_of, slots, scale3(photon.throughput, photon.power), powers);
-    store_lanes(count, lane_of, slots, make3(to_real(surface.object), surface.side, to_real(photon.bounce)), surfaces);
+    spill3(position, surface.position);
+    spill3(power, scale3(photon.throughput, photon.power));
+    spill3(where, make3(to_real(surface.object), surface.side, to_real(photon.bounce)));
 #ifdef HAS_GLOSSY
-    store_lanes(count, lane_of, slots, negate3(photon.direction), directions);
+    float direction[3 * LANES];
+    spill3(direction, negate3(photon.direction));
 #endif
+    for (uint lane = 0; lane < LANES; lane++) {
+        if (!masks[lane]) continue;
+        write3(positions, slots[lane], position, lane);
+        write3(powers, slots[lane], power, lane);
+        write3(surfaces, slots[lane], where, lane);
+#ifdef HAS_GLOSSY
+        write3(directions, slots[lane], direction, lane);
+#endif
+    }
 }
 #endif
 
@@ -145,7 +154,7 @@ __kernel void photons_store(WALK_PARAMS, __global const uint *offsets, uint runs
     Photon photon = no_photon();
     Bool alive = NO_LANE;
     while (any_lane(path < end)) {
-        if (any_lane(!alive)) photon = pick_photon(alive, photon, emit_photon(EMISSION path, stream));
+        if (any_lane(!alive)) photon = pick_photon(alive, photon, emit_photon(SCENE EMISSION path, stream));
         Step step = walk(SCENE photon);
         Bool stored = step.stored && path < end && slot < limit;
         store_photon(stored, slot, photon, step.surface, MAP);

@@ -148,17 +148,17 @@ impl Plan {
     pub fn emitters(&self, paths: u32) -> Vec<Emitter> {
         let own = self.paths_of_lights(paths);
         let served = own.iter().zip(&self.counts).all(|(own, counts)| *own > 0 || counts[0] == 0);
-        let emitter = |light: usize| {
-            let (position, flux) = &self.lights[light];
-            let (own, counts) = (own[light], &self.counts[light]);
-            let expected = f64::from(paths) * f64::from(counts[0]) / f64::from(1u32 << self.slots_log2);
-            let number = if served { own as f64 } else { expected };
+        let mut emitters = Vec::new();
+        for (light, (position, flux)) in self.lights.iter().enumerate() {
+            let slots = self.counts[light][0];
+            let expected = f64::from(paths) * f64::from(slots) / f64::from(1u32 << self.slots_log2);
+            let number = if served { own[light] as f64 } else { expected };
             let largest = flux.max_element();
             let color = if largest > 0.0 { (*flux / largest).as_vec3() } else { Vec3::ZERO };
-            let power = if counts[0] == 0 { 0.0 } else { (largest / number) as f32 };
-            Emitter { position: *position, color: color.to_array(), power, ..Emitter::default() }
-        };
-        (0..self.lights.len()).map(emitter).collect()
+            let power = if slots == 0 || paths == 0 { 0.0 } else { (largest / number) as f32 };
+            emitters.push(Emitter { position: *position, color: color.to_array(), power, ..Emitter::default() });
+        }
+        emitters
     }
 }
 

@@ -27,6 +27,7 @@ const FILES: &[(&str, &str)] = &[
     ("shared/walk.glsl", include_str!("../glsl/shared/walk.glsl")),
     ("probe.frag", include_str!("../glsl/probe.frag")),
     ("shim.cl", include_str!("../kernels/shim.cl")),
+    ("incoherent.cl", include_str!("../kernels/incoherent.cl")),
     ("trace.cl", include_str!("../kernels/trace.cl")),
     ("probe.cl", include_str!("../kernels/probe.cl")),
     ("scan.cl", include_str!("../kernels/scan.cl")),
@@ -38,7 +39,7 @@ const FILES: &[(&str, &str)] = &[
 
 /// Names that `plan --source` accepts: all that is compiled on its own.
 pub fn units() -> Vec<&'static str> {
-    let whole = |name: &str| !name.contains('/') && !name.starts_with("shim");
+    let whole = |name: &str| !name.contains('/') && !name.starts_with("shim") && name != "incoherent.cl";
     FILES.iter().map(|(name, _)| *name).filter(|name| whole(name)).collect()
 }
 

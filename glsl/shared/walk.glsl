@@ -18,7 +18,7 @@ struct Photon {
 INLINE Uint number_u(Uint key, uint dimension) { return hash_u(key + dimension * 0x9e3779b9u); }
 
 // `path` counts from 0 over all lights; `stream` is the hash of seed and pass.
-INLINE Photon emit_photon(EMISSION_PARAMS Uint path, Uint stream) {
+INLINE Photon emit_photon(SCENE_PARAMS EMISSION_PARAMS Uint path, Uint stream) {
     Photon photon;
     photon.object = lanes_i(NO_OBJECT);
     photon.bounce = lanes_i(0);

@@ -127,7 +127,7 @@ impl MapStage {
     pub fn emit(&mut self, emission: &Emission) -> Result<MapCounts> {
         match self {
             MapStage::Device(map) => {
-                let stored = map.photons.emit(emission)?;
+                let stored = map.photons.emit(emission, map.stored.take())?;
                 map.context.finish()?;
                 let counts = MapCounts { emitted: stored.emitted.into(), stored: stored.stored as u64 };
                 map.stored = Some(stored);

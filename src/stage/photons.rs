@@ -25,7 +25,7 @@ pub struct PhotonMap {
     pub surfaces: Buffer<PhotonSurface>,
     /// Towards where the photon came from; only where some surface is glossy.
     pub directions: Option<Buffer<PhotonDirection>>,
-    /// Photons in the map.
+    /// Photons in the map; the buffers may have room for more.
     pub stored: usize,
     /// Paths emitted.
     pub emitted: u32,
@@ -148,18 +148,19 @@ impl Photons {
     }
 
     /// Emits one pass with the scene uploaded and the permutation compiled last. The same emission gives the same
-    /// bytes, whatever the device's scheduling.
+    /// bytes, whatever the device's scheduling. `old` gives its memory to the new map where that is large enough:
+    /// fresh memory costs as much as a third of the emission.
     ///
     /// # Errors
     /// [`Error::Usage`] when photons are to be stored where nothing can be hit, or when more are stored than indices
     /// in float values can tell apart; [`Error::Device`] when the device fails.
-    pub fn emit(&self, emission: &Emission) -> Result<PhotonMap> {
+    pub fn emit(&self, emission: &Emission, old: Option<PhotonMap>) -> Result<PhotonMap> {
         let Some(tables) = &self.tables else {
             return Err(Error::Device("OpenCL: photons emitted before a scene was uploaded".into()));
         };
         if tables.plan.is_empty() {
             return match emission.amount {
-                Amount::Paths(paths) => new_map(&self.context, false, 0, paths),
+                Amount::Paths(paths) => new_map(&self.context, old, false, 0, paths),
                 Amount::Stored(wanted) => Err(fruitless(wanted, 0, 0)),
             };
         }
@@ -181,14 +182,20 @@ impl Photons {
                  of fewer --photons"
             )));
         }
-        let map = new_map(&self.context, kernels.made_for.0.glossy, stored as usize, paths)?;
+        let map = new_map(&self.context, old, kernels.made_for.0.glossy, stored as usize, paths)?;
         pass.store(&emitters, &runs, paths, &map)?;
         Ok(map)
     }
 }
 
 /// Memory for a map of known size.
-fn new_map(context: &Context, glossy: bool, stored: usize, emitted: u32) -> Result<PhotonMap> {
+fn new_map(context: &Context, old: Option<PhotonMap>, glossy: bool, stored: usize, emitted: u32) -> Result<PhotonMap> {
+    if let Some(old) = old
+        && old.positions.len() >= stored
+        && old.directions.is_some() == glossy
+    {
+        return Ok(PhotonMap { stored, emitted, ..old });
+    }
     Ok(PhotonMap {
         positions: Buffer::new(context, stored)?,
         powers: Buffer::new(context, stored)?,
@@ -241,7 +248,7 @@ impl Pass<'_> {
     fn run_length(&self, paths: u32) -> u32 {
         let device = &self.context.device;
         // GPUs: twice the 2048 threads that a multiprocessor holds. CPUs: 16 work-items a core to share out evenly.
-        let (wanted, longest) = if device.lanes == 1 { (4096, 16) } else { (16 * device.lanes, 256) };
+        let (wanted, longest) = if device.lanes == 1 { (4096, 4) } else { (16 * device.lanes, 256) };
         (paths / (device.compute_units.max(1) * wanted)).clamp(1, longest)
     }
 

@@ -3,6 +3,7 @@
 mod device;
 mod energy;
 mod open_scene;
+mod speed;
 
 use photile::cpu::photons::{PhotonTables, photons};
 use photile::cpu::scene::SceneTables;
