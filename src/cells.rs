@@ -182,6 +182,7 @@ pub fn plan(
         }
     }
     let gather = Gather {
+        slices: 1.0,
         radius,
         inverse_radius: 1.0 / radius,
         photon_count: photons as f32,
@@ -190,6 +191,7 @@ pub fn plan(
         bucket_mask: if hashed { (cells - 1) as f32 } else { 0.0 },
         nearest: 0.0,
         reserved: 0.0,
+        ..Gather::default()
     };
     Ok(Plan { hashed, cells, faces, gather })
 }

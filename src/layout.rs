@@ -246,8 +246,14 @@ record! {
         bucket_mask: f32,
         /// k of the k nearest.
         nearest: f32,
+        /// Every how many-th candidate is gathered in one draw; 1 but for drivers that end long loops.
+        slices: f32,
+        /// Which of them this draw gathers, below `slices`.
+        slice: f32,
         /// Zero.
         reserved: f32,
+        /// Zero.
+        spare: f32,
     }
 }
 

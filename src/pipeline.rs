@@ -131,7 +131,7 @@ impl Pipeline {
             Backend::OpenGl => {
                 let headless = Headless::new()?;
                 devices.opengl = Some(format!("{} ({})", headless.renderer, headless.route));
-                let tracer = GlTrace::new(&headless.gl)?;
+                let tracer = GlTrace::new(&headless.gl, headless.is_software)?;
                 context = Some(headless);
                 let map = match open_device(machine.device.as_deref(), notice) {
                     Ok(opened) => {

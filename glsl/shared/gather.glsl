@@ -5,6 +5,16 @@
 // photon is loaded once and weighed by every lane: no lane waits for another's loop, no sum goes across lanes.
 
 #ifdef HAS_PHOTONS
+// A draw may gather every n-th candidate only, and the next draw the others: some drivers end long loops early, and
+// say nothing (llvmpipe after 65,535 rounds of all loops together).
+#ifdef SLICED
+#define SLICE count_of(gather_slice())
+#define SLICES count_of(gather_slices())
+#else
+#define SLICE 0
+#define SLICES 1
+#endif
+
 STRUCT(Gathered)
 struct Gathered {
     Vec3 flux;  // Σ ΔΦ·K/K(0), watts
@@ -148,7 +158,7 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
             if (length > 0) {
 #endif
                 int end = count_of(cell_start(bucket + length));
-                for (int i = count_of(cell_start(bucket)); i < end; i++) {
+                for (int i = count_of(cell_start(bucket)) + SLICE; i < end; i += SLICES) {
                     Vec3 position = photon_position_same(i);
                     Vec3 away = sub3(position, query.surface.position);
                     Real weight = kernel_shape(square3(away), inverse_radius2);
@@ -251,7 +261,7 @@ Gathered gather_near(SCENE_PARAMS Query query, Int face, Bool wanted) {
     Gathered sum = nothing_gathered();
     Real inverse_radius2 = lanes(gather_inverse_radius() * gather_inverse_radius());
     int end = count_of(gather_photon_count());
-    for (int i = 0; i < end; i++) {
+    for (int i = SLICE; i < end; i += SLICES) {
         Vec3 position = photon_position_same(i);
         Vec3 away = sub3(position, query.surface.position);
         Real weight = kernel_shape(square3(away), inverse_radius2);

@@ -10,11 +10,18 @@ Vec3 radiance_along(SCENE_PARAMS Vec3 origin, Vec3 direction) {
         hit.object = pick_i(visible, hit.object, 0);
         hit.t = pick(visible, hit.t, 0.0f);
         Surface surface = surface_at(SCENE origin, direction, hit);
+#ifdef SLICED
+        // What photons do not carry belongs to one of the draws.
+        if (SLICE == 0)
+#endif
         radiance = direct_light(SCENE surface, negate3(direction));
 #ifdef HAS_PHOTONS
         radiance = add3(radiance, photon_radiance(SCENE surface, negate3(direction), visible));
 #endif
 #ifdef HAS_AMBIENT
+#ifdef SLICED
+        if (SLICE == 0)
+#endif
         radiance = add3(radiance, scale3(object_color(hit.object), object_ambient(hit.object)));
 #endif
         radiance = pick3(visible, radiance, make3(lanes(0.0f), lanes(0.0f), lanes(0.0f)));

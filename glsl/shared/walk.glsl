@@ -23,7 +23,7 @@ INLINE Photon emit_photon(SCENE_PARAMS EMISSION_PARAMS Uint path, Uint stream) {
     photon.object = lanes_i(NO_OBJECT);
     photon.bounce = lanes_i(0);
     photon.key = hash_u(path ^ stream);
-#ifdef ONE_LIGHT
+#ifdef ONE_EMITTER
     Uint index = path;
     Uint shift = stream;
     photon.position = emitter_position_same(0);
@@ -53,7 +53,7 @@ INLINE Photon emit_photon(SCENE_PARAMS EMISSION_PARAMS Uint path, Uint stream) {
 #ifdef HAS_EMISSION_MAP
     // Only cells of the sphere in which something can be hit: the first number chooses one of them, and what is left
     // of it the height within.
-#ifdef ONE_LIGHT
+#ifdef ONE_EMITTER
     uint first = emitter_counts[1];
     uint cells = emitter_counts[2];
 #else

@@ -2,9 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
+use clap::ValueEnum;
 use serde::Serialize;
 
-use super::options::{BackendArg, RenderOptions};
+use super::options::{BackendArg, GatherArg, RenderOptions};
 use super::{notice, print_json};
 use crate::error::{Error, Result};
 use crate::film::{Image, SaveOptions, check_output, heat_map};
@@ -25,6 +26,9 @@ pub struct Args {
     /// Which backends to compare, such as opengl,opencl
     #[arg(long, value_enum, value_delimiter = ',', default_values = ["opengl", "opencl", "cpu"])]
     backends: Vec<BackendArg>,
+    /// Which gathers to compare, such as grid,brute [default: the scene's]
+    #[arg(long, value_enum, value_delimiter = ',', conflicts_with = "gather")]
+    gathers: Vec<GatherArg>,
     /// Pictures made for each timing, after one to warm up; the median counts
     #[arg(long, value_name = "N", default_value_t = 5)]
     repeat: u32,
@@ -47,6 +51,8 @@ struct Pair {
     max_abs: f64,
     rmse: f64,
     rel_mse: f64,
+    /// RMSE as a share of the picture's mean.
+    rmse_over_mean: f64,
     pixels_over: usize,
     flipped_pixels: usize,
     max_abs_all: f64,
@@ -112,12 +118,25 @@ fn compare_backends(args: &Args) -> Result<()> {
     }
     let mut sides = Vec::new();
     let mut images = Vec::new();
+    // What each side gathers with, and how that is said.
+    let mut gathers: Vec<(Settings, String)> = Vec::new();
+    for gather in &args.gathers {
+        let mut with = settings.clone();
+        with.gather.method = (*gather).into();
+        gathers.push((with, format!("/{}", gather.to_possible_value().expect("no variant is skipped").get_name())));
+    }
+    if gathers.is_empty() {
+        gathers.push((settings.clone(), String::new()));
+    }
     for backend in args.backends.iter().map(|backend| Backend::from(*backend)) {
         match Pipeline::open(&args.options.machine(Some(backend)), notice) {
             Ok(mut pipeline) => {
-                let (image, trace_ms) = timed(&mut pipeline, &scene, &settings, args.repeat)?;
-                images.push(image);
-                sides.push(Side { name: backend.name().into(), trace_ms, devices: pipeline.devices.clone() });
+                for (settings, gather) in &gathers {
+                    let (image, trace_ms) = timed(&mut pipeline, &scene, settings, args.repeat)?;
+                    images.push(image);
+                    let name = format!("{}{gather}", backend.name());
+                    sides.push(Side { name, trace_ms, devices: pipeline.devices.clone() });
+                }
             }
             Err(error) => notice(&format!("{} not compared: {error}", backend.name())),
         }
@@ -182,6 +201,7 @@ fn pair(a: &Side, b: &Side, image_a: &Image, image_b: &Image) -> Result<Pair> {
         max_abs: smooth.max_abs,
         rmse: smooth.rmse,
         rel_mse: smooth.rel_mse,
+        rmse_over_mean: smooth.rmse / mean(image_b),
         pixels_over: smooth.pixels_over,
         flipped_pixels: flipped.iter().filter(|flip| **flip).count(),
         max_abs_all: all.max_abs,
@@ -190,21 +210,28 @@ fn pair(a: &Side, b: &Side, image_a: &Image, image_b: &Image) -> Result<Pair> {
     })
 }
 
+/// Mean over pixels and channels.
+fn mean(image: &Image) -> f64 {
+    let sum: f64 = image.pixels.iter().flatten().map(|v| f64::from(*v)).sum();
+    sum / (3 * image.pixels.len().max(1)) as f64
+}
+
 fn print(report: &Report) {
     for side in &report.sides {
         let device = side.devices.opengl.as_ref().or(side.devices.opencl.as_ref());
-        println!("{:<7} {:>9.2} ms  {}", side.name, side.trace_ms, device.map_or("", String::as_str));
+        println!("{:<13} {:>9.2} ms  {}", side.name, side.trace_ms, device.map_or("", String::as_str));
     }
     println!(
-        "{:<16} {:>10} {:>10} {:>10} {:>6} {:>6} {:>10} {:>8}",
-        "pair", "max", "RMSE", "relMSE", "over", "flips", "max, all", "time"
+        "{:<26} {:>10} {:>10} {:>10} {:>10} {:>6} {:>6} {:>10} {:>8}",
+        "pair", "max", "RMSE", "RMSE/mean", "relMSE", "over", "flips", "max, all", "time"
     );
     for p in &report.pairs {
         println!(
-            "{:<16} {:>10.2e} {:>10.2e} {:>10.2e} {:>6} {:>6} {:>10.2e} {:>7.2}x",
-            format!("{}/{}", p.a, p.b),
+            "{:<26} {:>10.2e} {:>10.2e} {:>10.2e} {:>10.2e} {:>6} {:>6} {:>10.2e} {:>7.2}x",
+            format!("{} : {}", p.a, p.b),
             p.max_abs,
             p.rmse,
+            p.rmse_over_mean,
             p.rel_mse,
             p.pixels_over,
             p.flipped_pixels,

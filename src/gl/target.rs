@@ -77,14 +77,40 @@ impl Target {
     ///
     /// # Errors
     /// [`Error::Device`] when the driver reports an error.
-    pub fn draw(&self, _active: &Program) -> Result<()> {
+    pub fn draw(&self, active: &Program) -> Result<()> {
+        self.draw_weighted(active, None)
+    }
+
+    /// Blackens the target, for [`Target::draw_weighted`] to add to.
+    pub fn clear(&self) {
+        // SAFETY: the context is current.
+        unsafe {
+            self.gl.bind_framebuffer(glow::FRAMEBUFFER, Some(self.framebuffer));
+            self.gl.clear_color(0.0, 0.0, 0.0, 0.0);
+            self.gl.clear(glow::COLOR_BUFFER_BIT);
+        }
+    }
+
+    /// Draws like [`Target::draw`]; with a weight, adds so much of the picture to what is there.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when the driver reports an error.
+    pub fn draw_weighted(&self, _active: &Program, weight: Option<f32>) -> Result<()> {
         let gl = &self.gl;
         // SAFETY: the context is current and a linked program is active (the argument says so).
         unsafe {
             gl.bind_framebuffer(glow::FRAMEBUFFER, Some(self.framebuffer));
             gl.bind_vertex_array(Some(self.triangle));
             gl.viewport(0, 0, self.width as i32, self.height as i32);
-            gl.disable(glow::BLEND);
+            match weight {
+                Some(weight) => {
+                    gl.enable(glow::BLEND);
+                    gl.blend_equation(glow::FUNC_ADD);
+                    gl.blend_func(glow::CONSTANT_ALPHA, glow::ONE);
+                    gl.blend_color(0.0, 0.0, 0.0, weight);
+                }
+                None => gl.disable(glow::BLEND),
+            }
             gl.disable(glow::DEPTH_TEST);
             gl.draw_arrays(glow::TRIANGLES, 0, 3);
             gl.finish();

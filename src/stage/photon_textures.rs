@@ -19,6 +19,8 @@ pub struct PhotonTextures {
     /// In the order of [`PhotonTextures::SAMPLERS`].
     tables: [TableTexture; 7],
     gather: Gather,
+    /// Bound on the candidates of any query, for drivers that end long loops.
+    pub most_candidates: u64,
     staging: Vec<[f32; 3]>,
 }
 
@@ -41,7 +43,7 @@ impl PhotonTextures {
     pub fn new(gl: &Functions) -> Result<PhotonTextures> {
         let table = || TableTexture::new(gl, TEXTURE_WIDTH_LOG2);
         let tables = [table()?, table()?, table()?, table()?, table()?, table()?, table()?];
-        Ok(PhotonTextures { tables, gather: Gather::default(), staging: Vec::new() })
+        Ok(PhotonTextures { tables, gather: Gather::default(), most_candidates: 0, staging: Vec::new() })
     }
 
     /// Takes over a map made by the CPU.
@@ -56,6 +58,10 @@ impl PhotonTextures {
         gathering: &Gathering,
     ) -> Result<()> {
         self.gather = plan.gather;
+        self.most_candidates = match gathering.method {
+            Method::Brute => stored.positions.len() as u64,
+            _ => most_candidates(plan, &grid.cell_starts, grid.positions.len() as u64),
+        };
         if gathering.method == Method::Brute {
             self.tables[3].fill(stored.positions)?;
             self.tables[4].fill(stored.powers)?;
@@ -80,6 +86,7 @@ impl PhotonTextures {
         self.gather = grid.plan.gather;
         let brute = gathering.method == Method::Brute;
         let count = grid.count;
+        self.most_candidates = count as u64;
         if brute {
             self.copy(3, context, stored.positions, count)?;
             self.copy(4, context, stored.powers, count)?;
@@ -87,6 +94,8 @@ impl PhotonTextures {
         } else {
             self.tables[0].fill(&grid.plan.faces)?;
             self.copy(1, context, &grid.cell_starts, (grid.plan.cells + 1).div_ceil(3))?;
+            let starts: &[f32] = bytemuck::cast_slice(&self.staging);
+            self.most_candidates = most_candidates(&grid.plan, starts, count as u64);
             if gathering.hashed {
                 self.copy(2, context, &grid.cells, count)?;
             }
@@ -108,6 +117,16 @@ impl PhotonTextures {
         self.tables[table].fill_texels(staging)
     }
 
+    /// Radius and cells of the map that lies here.
+    pub fn gather(&self) -> &Gather {
+        &self.gather
+    }
+
+    /// Sets which slice of the candidates the next draw gathers. The program must be active.
+    pub fn set_slice(&self, program: &Program, slice: u64, slices: u64) {
+        program.set_records(&[Gather { slice: slice as f32, slices: slices as f32, ..self.gather }]);
+    }
+
     /// Binds the tables to the texture units from `first_unit` on and sets the uniforms. The program must be active,
     /// with [`PhotonTextures::SAMPLERS`] at those units.
     pub fn bind(&self, program: &Program, first_unit: u32) {
@@ -126,4 +145,28 @@ impl PhotonTextures {
     pub fn bytes(&self) -> usize {
         self.tables.iter().map(TableTexture::bytes).sum()
     }
+}
+
+/// Cells along an axis that a query's ball can touch.
+pub fn cells_across(gather: &Gather) -> u64 {
+    let smallest = gather.cell.into_iter().fold(f32::INFINITY, f32::min);
+    2 * (1.001 * gather.radius / smallest).ceil().min(1e6) as u64 + 2
+}
+
+/// A bound on the photons that one query looks at: the fullest cell's, for all cells that its ball can touch.
+fn most_candidates(plan: &Plan, cell_starts: &[f32], photons: u64) -> u64 {
+    let across = cells_across(&plan.gather);
+    let fullest =
+        |cells: std::ops::Range<usize>| cells.map(|c| (cell_starts[c + 1] - cell_starts[c]) as u64).max().unwrap_or(0);
+    if plan.hashed {
+        // Rows may share buckets, and a face is seldom more than two cells thick.
+        return (fullest(0..plan.cells) * across * across * 2).min(photons);
+    }
+    let of_face = |face: &Face| {
+        let [u, v, w] = face.counts.map(|count| count as u64);
+        let base = face.base as usize;
+        let touched = u.min(across) * v.min(across) * w.min(across);
+        fullest(base..base + (u * v * w) as usize) * touched
+    };
+    plan.faces.iter().map(of_face).max().unwrap_or(0).min(photons)
 }

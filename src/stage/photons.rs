@@ -63,7 +63,7 @@ struct Tables {
 
 /// The kernels of one permutation.
 struct Kernels {
-    made_for: (Features, bool, Sampler, u32, bool),
+    made_for: (Features, bool, Sampler, u32, bool, bool),
     count: Kernel,
     last: Kernel,
     store: Kernel,
@@ -122,7 +122,8 @@ impl Photons {
             return Err(Error::Device("OpenCL: photons compiled before a scene was uploaded".into()));
         };
         let mapped = !plan.cells.is_empty();
-        let made_for = (*features, emission.store_direct, emission.sampler, plan.slots_log2, mapped);
+        let made_for =
+            (*features, emission.store_direct, emission.sampler, plan.slots_log2, mapped, plan.counts.len() == 1);
         if plan.is_empty() || self.kernels.as_ref().is_some_and(|kernels| kernels.made_for == made_for) {
             return Ok(());
         }
@@ -136,6 +137,8 @@ impl Photons {
                 defines.push(name.into());
             }
         };
+        // Not ONE_LIGHT: that is about shading, which has no lights where photons carry all.
+        add(plan.counts.len() == 1, "ONE_EMITTER");
         add(mapped, "HAS_EMISSION_MAP");
         add(emission.store_direct, "STORE_DIRECT");
         add(emission.sampler == Sampler::Random, "SAMPLER_RANDOM");

@@ -3,15 +3,15 @@
 use std::collections::HashMap;
 
 use super::{Permutation, Trace, check_count, out_of_order};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::film::Image;
-use crate::gathering::Gathering;
+use crate::gathering::{Gathering, Method};
 use crate::gl::{Functions, Program, TableTexture, Target};
 use crate::layout::{Frame, Light, Object, Record, TEXTURE_WIDTH_LOG2};
 use crate::pack::Packed;
 use crate::source::{Options, assemble};
 use crate::stage::map::MapView;
-use crate::stage::photon_textures::PhotonTextures;
+use crate::stage::photon_textures::{PhotonTextures, cells_across};
 
 /// A fragment shader on a full-screen quad.
 pub struct GlTrace {
@@ -22,20 +22,26 @@ pub struct GlTrace {
     small: Option<(Vec<Object>, Vec<Light>)>,
     photons: PhotonTextures,
     target: Option<(u32, u32, Target)>,
-    programs: HashMap<Permutation, Program>,
+    /// By permutation, and whether it gathers in slices.
+    programs: HashMap<(Permutation, bool), Program>,
     active: Option<Permutation>,
+    /// Loop rounds that the driver grants a fragment.
+    rounds: Option<u64>,
 }
+
+/// llvmpipe ends a shader's loops, all of them together, after 65,535 rounds; some are left for small loops.
+const LLVMPIPE_ROUNDS: u64 = 60_000;
 
 impl GlTrace {
     /// Samplers of `trace.frag` in the order of the texture units: the photon map's, then the scene's, which a small
     /// scene does without.
     const SCENE_SAMPLERS: [&str; 2] = [Object::TABLE, Light::TABLE];
 
-    /// On the current context.
+    /// On the current context; software rasterisers grant a fragment only so many loop rounds.
     ///
     /// # Errors
-    /// [`crate::error::Error::Device`] when the driver gives no textures.
-    pub fn new(gl: &Functions) -> Result<GlTrace> {
+    /// [`Error::Device`] when the driver gives no textures.
+    pub fn new(gl: &Functions, is_software: bool) -> Result<GlTrace> {
         Ok(GlTrace {
             gl: gl.clone(),
             objects: TableTexture::new(gl, TEXTURE_WIDTH_LOG2)?,
@@ -45,17 +51,71 @@ impl GlTrace {
             target: None,
             programs: HashMap::new(),
             active: None,
+            rounds: is_software.then_some(LLVMPIPE_ROUNDS),
         })
+    }
+}
+
+/// How a picture is cut into draws.
+struct Draws {
+    /// Samples of a draw.
+    samples: u64,
+    /// Parts that the candidates of a query are gathered in.
+    slices: u64,
+}
+
+impl GlTrace {
+    /// Builds a program, or finds it built.
+    fn program(&mut self, permutation: &Permutation, sliced: bool) -> Result<()> {
+        if self.programs.contains_key(&(*permutation, sliced)) {
+            return Ok(());
+        }
+        let mut defines = permutation.defines();
+        if sliced {
+            defines.push("SLICED".into());
+        }
+        let source = assemble("trace.frag", Some(&permutation.features), &Options { defines, ..Options::default() });
+        self.programs.insert((*permutation, sliced), Program::new(&self.gl, &source)?);
+        Ok(())
+    }
+
+    /// Draws short enough for the driver.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when a single sample is too long.
+    fn draws(&self, frame: &Frame, photons: bool) -> Result<Draws> {
+        let samples = frame.samples as u64;
+        let Some(granted) = self.rounds else { return Ok(Draws { samples, slices: 1 }) };
+        let (objects, lights) = ((frame.sphere_count + frame.plane_count) as u64, frame.light_count as u64);
+        // Closest hit, a shadow ray a light, the clipped disc's planes twice; 32 bits of a Sobol' number.
+        let mut fixed = objects * (3 + lights) + lights + 64;
+        let mut candidates = 0;
+        if photons {
+            let across = cells_across(self.photons.gather());
+            fixed += across * (across + 1);
+            candidates = self.photons.most_candidates;
+        }
+        let knn = self.active.and_then(|a| a.gathering).is_some_and(|g| g.method == Method::Knn);
+        if knn {
+            // A candidate may go down the heap; a heap cannot be filled in slices.
+            fixed += candidates * 9;
+            candidates = 0;
+        }
+        let Some(left) = granted.checked_sub(fixed).filter(|left| *left > 0) else {
+            return Err(Error::Device(format!(
+                "OpenGL: a sample of this picture takes up to {fixed} loop rounds, and this software driver ends loops \
+                 after {granted}: take --backend opencl, or fewer photons or a smaller radius"
+            )));
+        };
+        let slices = candidates.div_ceil(left).max(1);
+        let a_sample = fixed + candidates.div_ceil(slices);
+        Ok(Draws { samples: if slices > 1 { 1 } else { (granted / a_sample).clamp(1, samples.max(1)) }, slices })
     }
 }
 
 impl Trace for GlTrace {
     fn compile(&mut self, permutation: &Permutation) -> Result<()> {
-        if !self.programs.contains_key(permutation) {
-            let options = Options { defines: permutation.defines(), ..Options::default() };
-            let source = assemble("trace.frag", Some(&permutation.features), &options);
-            self.programs.insert(*permutation, Program::new(&self.gl, &source)?);
-        }
+        self.program(permutation, false)?;
         self.active = Some(*permutation);
         Ok(())
     }
@@ -84,8 +144,11 @@ impl Trace for GlTrace {
         if self.target.as_ref().is_none_or(|(w, h, _)| (*w, *h) != (width, height)) {
             self.target = Some((width, height, Target::new(&self.gl, width, height, false)?));
         }
-        let program = self.active.and_then(|permutation| self.programs.get(&permutation));
-        let (Some(program), Some((_, _, target))) = (program, &self.target) else {
+        let Some(active) = self.active else { return Err(out_of_order("OpenGL")) };
+        let draws = self.draws(frame, map.is_some())?;
+        self.program(&active, draws.slices > 1)?;
+        let (Some(program), Some((_, _, target))) = (self.programs.get(&(active, draws.slices > 1)), &self.target)
+        else {
             return Err(out_of_order("OpenGL"));
         };
         let mut samplers = PhotonTextures::SAMPLERS.to_vec();
@@ -108,7 +171,21 @@ impl Trace for GlTrace {
                 self.lights.bind(first + 1);
             }
         }
-        target.draw(program)
+        let samples = frame.samples as u64;
+        if draws.samples >= samples && draws.slices == 1 {
+            return target.draw(program);
+        }
+        target.clear();
+        for first in (0..samples).step_by(draws.samples as usize) {
+            let here = draws.samples.min(samples - first);
+            let part = Frame { samples: here as f32, first_sample: frame.first_sample + first as f32, ..*frame };
+            program.set_records(std::slice::from_ref(&part));
+            for slice in 0..draws.slices {
+                self.photons.set_slice(program, slice, draws.slices);
+                target.draw_weighted(program, Some(here as f32 / samples as f32))?;
+            }
+        }
+        Ok(())
     }
 
     fn read(&mut self) -> Result<Image> {
