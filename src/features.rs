@@ -170,7 +170,8 @@ impl Features {
                         in_uniforms: flag(4),
                     };
                     let empty = !spheres && !planes;
-                    let needs_objects = lit || features.ambient || features.glossy || !features.in_uniforms;
+                    // Without objects there still may be more lights than uniforms hold.
+                    let needs_objects = lit || features.ambient || features.glossy;
                     let impossible = empty && needs_objects || features.plane_shadows && !(planes && lit);
                     if !impossible {
                         reachable.push(features);

@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::features::{Features, is_divided};
 use crate::film::Image;
 use crate::gathering::Gathering;
-use crate::gl::Headless;
+use crate::gl::{self, Headless};
 use crate::pack::Packed;
 use crate::radius;
 use crate::scene::Scene;
@@ -98,7 +98,7 @@ pub struct Pipeline {
     // Declared before `context`, so that GL objects go before their context.
     tracer: Box<dyn Trace>,
     map: MapStage,
-    _context: Option<Headless>,
+    context: Option<Headless>,
     /// What was chosen.
     pub backend: Backend,
     /// By name.
@@ -118,6 +118,7 @@ impl Pipeline {
         for (backend, next) in [(Backend::OpenGl, "OpenCL"), (Backend::OpenCl, "the CPU")] {
             match Pipeline::open_on(backend, machine, &mut notice) {
                 Ok(pipeline) => return Ok(pipeline),
+                Err(error @ Error::Usage(_)) => return Err(error), // a wrong option is no reason to ignore it
                 Err(error) => notice(&format!("falling back from {} to {next}: {error}", backend.name())),
             }
         }
@@ -130,6 +131,8 @@ impl Pipeline {
         let (tracer, map): (Box<dyn Trace>, MapStage) = match backend {
             Backend::OpenGl => {
                 let headless = Headless::new()?;
+                // A driver may be there and yet draw nothing: then the next backend is tried.
+                gl::probe(&headless)?;
                 devices.opengl = Some(format!("{} ({})", headless.renderer, headless.route));
                 let tracer = GlTrace::new(&headless.gl, headless.is_software)?;
                 context = Some(headless);
@@ -138,6 +141,7 @@ impl Pipeline {
                         devices.opencl = Some(opened.device.name.clone());
                         MapStage::on_device(Rc::new(opened))?
                     }
+                    Err(error @ Error::Usage(_)) => return Err(error),
                     Err(error) => {
                         notice(&format!("photons come from the CPU: {error}"));
                         MapStage::on_host(threads(machine)?)
@@ -155,7 +159,7 @@ impl Pipeline {
                 (Box::new(CpuTrace::new(Rc::clone(&pool))), MapStage::on_host(pool))
             }
         };
-        Ok(Pipeline { tracer, map, _context: context, backend, devices, last: None })
+        Ok(Pipeline { tracer, map, context, backend, devices, last: None })
     }
 
     /// Renders a picture, redoing only what changed since the last one.
@@ -172,19 +176,20 @@ impl Pipeline {
         let wants_photons =
             settings.light != LightMode::Direct && !scene.lights.is_empty() && features.spheres | features.planes;
 
-        // The first camera's place stays the origin: a moving camera must not repack the scene.
+        self.make_current()?;
         let last = self.last.take();
-        let origin = last.as_ref().map_or(scene.camera.position, |last| last.packed.origin);
         let mut lap = Lap::new();
         let (packed, mut photons, mut grid) = match last {
+            // The origin stays where it was: a moving camera must not repack the scene.
             Some(last) if !stale(Stage::Upload) => (last.packed, last.photons, last.grid),
             _ => {
-                let packed = Packed::new(scene, origin);
+                // Another scene may lie far from the last one, so it gets an origin of its own.
+                let packed = Packed::new(scene, scene.camera.position);
                 self.tracer.upload(&packed)?;
+                times.upload = lap.ms();
                 (packed, None, (0.0, false))
             }
         };
-        times.upload = lap.ms();
 
         let frame = packed.frame(&scene.camera, settings);
         let mut gathering = None;
@@ -254,11 +259,17 @@ impl Pipeline {
         if self.change(scene, settings) != Change::NONE {
             self.render(scene, settings)?;
         }
+        self.make_current()?;
         let Some(last) = &self.last else { return Ok(0.0) };
         let view = last.photons.and_then(|_| self.map.view());
         let mut lap = Lap::new();
         self.tracer.trace(&last.packed.frame(&scene.camera, settings), view.as_ref())?;
         Ok(lap.ms())
+    }
+
+    /// Makes the GL context the thread's own again: another pipeline may have worked in between.
+    fn make_current(&self) -> Result<()> {
+        self.context.as_ref().map_or(Ok(()), Headless::make_current)
     }
 
     /// Bytes held on the device.
@@ -279,7 +290,16 @@ impl Pipeline {
             .and(Change::GEOMETRY.when(before.spheres != scene.spheres || before.planes != scene.planes))
             .and(Change::PHOTONS.when(emitted(was) != emitted(settings)))
             .and(Change::GATHER.when(was.gather != settings.gather))
+            // Moving the camera can put a plane between it and the lights, which gathering has to know.
+            .and(Change::FEATURES.when(is_divided(before) != is_divided(scene)))
             .and(Change::FEATURES.when(last.features != Features::of(scene, settings)))
+    }
+}
+
+impl Drop for Pipeline {
+    fn drop(&mut self) {
+        // GL objects go next and belong to this context. An error means that it is gone already, and they with it.
+        let _ = self.make_current();
     }
 }
 

@@ -88,6 +88,20 @@ pub struct Source {
 /// # Panics
 /// When a unit or an included file does not exist: both are compiled in, and a test assembles them all.
 pub fn assemble(unit: &str, features: Option<&Features>, options: &Options) -> Source {
+    assemble_root(unit, features, options, |source| source.include(unit, options))
+}
+
+/// The same for a text that is not among the embedded ones but may include them: for tests of what those define.
+pub fn assemble_text(unit: &'static str, text: &str, options: &Options) -> Source {
+    assemble_root(unit, None, options, |source| source.append(unit, text, options))
+}
+
+fn assemble_root(
+    unit: &str,
+    features: Option<&Features>,
+    options: &Options,
+    append_root: impl FnOnce(&mut Source),
+) -> Source {
     let glsl = !unit.ends_with(".cl");
     let mut source = Source { unit: unit.into(), permutation: String::new(), text: String::new(), lines: Vec::new() };
     let mut header = String::new();
@@ -106,7 +120,7 @@ pub fn assemble(unit: &str, features: Option<&Features>, options: &Options) -> S
     }
     source.permutation = defines.join(" ");
     source.append("(defines)", &header, options);
-    source.include(unit, options);
+    append_root(&mut source);
     source
 }
 

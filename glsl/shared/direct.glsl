@@ -20,7 +20,7 @@ Vec3 direct_light(SCENE_PARAMS Surface surface, Vec3 to_viewer) {
         Bool lit = cos_i > 0.0f && surface.object >= 0;
 #ifdef HAS_SHADOWS
         if (any_lane(lit))
-            lit = lit && !occluded(SCENE surface.position, to_light, distance, surface.object);
+            lit = lit && !occluded(SCENE surface.position, light_position_same(i), to_light, distance, surface.object);
 #endif
         Vec3 bsdf = diffuse;
 #ifdef HAS_GLOSSY

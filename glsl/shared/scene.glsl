@@ -41,10 +41,10 @@ Hit closest_hit(SCENE_PARAMS Vec3 origin, Vec3 direction, Int origin_object) {
 }
 
 #ifdef HAS_SHADOWS
-// Whether anything lies between the origin and a point at `distance` along the ray. Planes are only asked where
+// Whether anything lies between the origin and a light at `distance` along the ray. Planes are only asked where
 // one separates the camera from a light: no other can come between a visible point and its light.
-Bool occluded(SCENE_PARAMS Vec3 origin, Vec3 direction, Real distance, Int origin_object) {
-    // Half an ulp of the distance: a light that lies on a surface is not shadowed by it.
+Bool occluded(SCENE_PARAMS Vec3 origin, Vec3 light, Vec3 direction, Real distance, Int origin_object) {
+    // Half an ulp of the distance: a light that lies on a sphere is not shadowed by it.
     Real reach = distance * 0.9999999f;
     Bool blocked = NO_LANE;
 #ifdef HAS_SPHERE_SHADOWS
@@ -53,9 +53,16 @@ Bool occluded(SCENE_PARAMS Vec3 origin, Vec3 direction, Real distance, Int origi
             hit_sphere(origin, direction, object_anchor_same(i), object_extent_same(i), origin_object == i) < reach;
 #endif
 #ifdef HAS_PLANE_SHADOWS
-    for (int i = SPHERE_COUNT; i < SPHERE_COUNT + PLANE_COUNT; i++)
-        blocked = blocked ||
-            hit_plane(origin, direction, object_anchor_same(i), object_extent_same(i), origin_object == i) < reach;
+    // By sides rather than distances, which lose all digits where a ray grazes a plane that the light lies on.
+    Real size = sqrt(dot3(light, light));
+    for (int i = SPHERE_COUNT; i < SPHERE_COUNT + PLANE_COUNT; i++) {
+        Real offset = object_extent_same(i);
+        Real here = dot3(object_anchor_same(i), origin) - offset;
+        Real there = dot3(object_anchor_same(i), light) - offset;
+        // A light within rounding of the plane (a few ulps of the numbers that cancel) lies on it.
+        Bool behind = here * there < 0.0f && fabs(there) > 1e-6f * (size + fabs(offset));
+        blocked = blocked || (behind && origin_object != i);
+    }
 #endif
     return blocked;
 }

@@ -35,7 +35,7 @@ unsafe impl Sync for Device {}
 /// platform contains it, case ignored.
 ///
 /// # Errors
-/// [`Error::Driver`] when there is no OpenCL, no device, or none that is wanted.
+/// [`Error::Driver`] when there is no OpenCL or no device; [`Error::Usage`] when none is `wanted`.
 pub fn devices(wanted: Option<&str>) -> Result<Vec<Device>> {
     let platforms = get_platforms().map_err(|_| Error::Driver(MISSING.into()))?;
     let mut found = Vec::new();
@@ -56,7 +56,7 @@ pub fn devices(wanted: Option<&str>) -> Result<Vec<Device>> {
     let chosen: Vec<Device> = found.into_iter().map(|(_, device)| device).filter(matches).collect();
     if chosen.is_empty() {
         let wanted = wanted.unwrap_or_default();
-        return Err(Error::Driver(format!("no OpenCL device matches '{wanted}'; there are {names}")));
+        return Err(Error::Usage(format!("no OpenCL device matches '{wanted}'; there are {names}")));
     }
     Ok(chosen)
 }

@@ -243,7 +243,7 @@ fn print(report: &Report) {
 
 /// Holds a pair to the bounds that were asked for.
 fn bound(args: &Args, pair: &str, rmse: f64, flips: usize) -> Result<()> {
-    if let Some(limit) = args.max_rmse.filter(|limit| rmse.is_nan() || rmse > *limit) {
+    if let Some(limit) = args.max_rmse.filter(|limit| rmse.is_nan() || limit.is_nan() || rmse > *limit) {
         return Err(Error::Failed(format!("{pair}: found RMSE {rmse:.3e}, expected at most {limit:.3e}")));
     }
     if let Some(limit) = args.max_flips.filter(|limit| flips > *limit) {

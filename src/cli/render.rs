@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::options::{BackendArg, RenderOptions};
 use super::{notice, print_json};
 use crate::change::Stage;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::film::{SaveOptions, check_output};
 use crate::pipeline::{Devices, Pipeline, Times};
 use crate::settings::{Backend, LightMode, Method};
@@ -57,6 +57,10 @@ pub fn run(args: &Args) -> Result<()> {
     let settings = args.options.settings(&scene);
     let output = args.output.clone().unwrap_or_else(|| PathBuf::from(format!("{}.png", scene.name)));
     check_output(&output)?;
+    let exposure = args.exposure.or(scene.render.exposure.map(|ev| ev as f32)).unwrap_or(0.0);
+    if !exposure.is_finite() {
+        return Err(Error::Usage(format!("found --exposure {exposure}, expected a finite number")));
+    }
 
     let machine = args.options.machine(args.backend.map(Backend::from));
     let mut pipeline = Pipeline::open(&machine, notice)?;
@@ -66,7 +70,6 @@ pub fn run(args: &Args) -> Result<()> {
     notice(&format!("rendering with {} ({chosen}){device}", pipeline.backend.name()));
 
     let rendering = pipeline.render(&scene, &settings)?;
-    let exposure = args.exposure.or(scene.render.exposure.map(|ev| ev as f32)).unwrap_or(0.0);
     let note = |name: &str, value: String| (name.to_string(), value);
     let provenance = [
         note("scene", scene.name.clone()),

@@ -72,12 +72,22 @@ impl<'a> SceneTables<'a> {
         (closest.object != usize::MAX).then_some(closest)
     }
 
-    /// Whether anything lies between the origin and a point at `distance` along the ray.
-    pub fn occluded(&self, origin: Vec3, direction: Vec3, distance: f32, origin_object: usize) -> bool {
-        // Half an ulp of the distance: a light that lies on a surface is not shadowed by it.
+    /// Whether anything lies between the origin and a light at `distance` along the ray.
+    pub fn occluded(&self, origin: Vec3, light: Vec3, direction: Vec3, distance: f32, origin_object: usize) -> bool {
+        // Half an ulp of the distance: a light that lies on a sphere is not shadowed by it.
         let reach = distance * 0.999_999_9;
-        let last = if self.features.plane_shadows { self.objects.len() } else { self.sphere_count };
-        (0..last).any(|i| self.hit(i, origin, direction, Some(origin_object)) < reach)
+        if (0..self.sphere_count).any(|i| self.hit(i, origin, direction, Some(origin_object)) < reach) {
+            return true;
+        }
+        // By sides rather than distances, which lose all digits where a ray grazes a plane that the light lies on.
+        let size = light.dot(light).sqrt();
+        let between = |plane: &Object| {
+            let [here, there] = [origin, light].map(|p| Vec3::from(plane.anchor).dot(p) - plane.extent);
+            // A light within rounding of the plane (a few ulps of the numbers that cancel) lies on it.
+            here * there < 0.0 && there.abs() > 1e-6 * (size + plane.extent.abs())
+        };
+        let planes = || self.objects.iter().enumerate().skip(self.sphere_count);
+        self.features.plane_shadows && planes().any(|(i, plane)| i != origin_object && between(plane))
     }
 
     /// The hit point, put back on its surface: rounding along a long ray leaves it beside.

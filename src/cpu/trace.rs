@@ -24,7 +24,7 @@ pub fn direct_light(scene: &SceneTables, surface: &Surface, to_viewer: Vec3) -> 
         let distance = distance2.sqrt();
         let to_light = towards * (1.0 / distance);
         let cos_i = surface.normal.dot(to_light);
-        if cos_i > 0.0 && !scene.occluded(surface.position, to_light, distance, surface.object) {
+        if cos_i > 0.0 && !scene.occluded(surface.position, light.position.into(), to_light, distance, surface.object) {
             let mut bsdf = diffuse;
             if object.specular > 0.0 {
                 let cos_o = surface.normal.dot(to_viewer).max(0.0);

@@ -1,0 +1,14 @@
+//! Direct light, from the scene file to the image, on every backend that is there.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod agreement;
+mod analytic;
+mod changes;
+mod command_line;
+mod edges;
+mod moved;
+mod permutations;
+mod random;
+mod references;
