@@ -10,186 +10,278 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use super::options::Size;
+use super::{notice, print_json};
 use crate::error::{Error, Result};
-use crate::reference::{self, Accumulator, ReferenceLight, ReferenceSettings};
-use crate::scene;
-
-/// Samples a pixel if neither --spp nor --time is given.
-const DEFAULT_SPP: u64 = 256;
+use crate::film::{Format, check_directory, check_output};
+use crate::reference::{self, Accumulator, Progress, Reference, ReferenceLight, ReferenceSettings};
+use crate::scene::{self, Scene};
 
 /// So that a power cut costs no more than a minute.
 const SAVE_EVERY: Duration = Duration::from_secs(60);
 
-/// Arguments of `photile reference`.
-#[derive(clap::Args, Clone, Debug)]
+/// Lines of progress where there is no terminal for a bar.
+const LOG_EVERY: Duration = Duration::from_secs(30);
+
+/// Render a reference image in double precision, with its standard error
+#[derive(clap::Args)]
 pub struct Args {
-    /// Scene file
-    pub scene: PathBuf,
-    /// OpenEXR file to write: R, G, B and stderr.R, stderr.G, stderr.B [default: SCENE_reference.exr]
-    #[arg(short, long, value_name = "OUT.exr")]
-    pub output: Option<PathBuf>,
-    /// Image size in pixels [default: the scene's, else 320x240]
-    #[arg(long, value_name = "WxH", value_parser = parse_size)]
-    pub size: Option<(u32, u32)>,
-    /// All light, or light → surface → camera only
+    /// Scene file (TOML)
+    scene: PathBuf,
+    /// Where to write: EXR with R, G, B and stderr.R, stderr.G, stderr.B [default: the scene's name, _reference.exr]
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Image size in pixels, such as 640x480 [default: the scene's, else 320x240]
+    #[arg(long, value_name = "WxH")]
+    size: Option<Size>,
+    /// Which light the image holds
     #[arg(long, value_enum, default_value_t)]
-    pub light: Light,
-    /// Stop at this many samples a pixel, rounded up to a multiple of 8 [default: 256 without --time]
-    #[arg(long)]
-    pub spp: Option<u64>,
-    /// Stop after this many seconds
+    light: Light,
+    /// Stop at so many samples per pixel, rounded up to a multiple of 8 [default: 256, none with --time]
+    #[arg(long, value_name = "S", value_parser = clap::value_parser!(u64).range(1..=1 << 32))]
+    spp: Option<u64>,
+    /// Stop after so many seconds
     #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
-    pub time: Option<Duration>,
-    /// Seed; images of different seeds are independent
-    #[arg(long, default_value_t = 0)]
-    pub seed: u64,
-    /// Threads [default: all cores]
-    #[arg(long)]
-    pub threads: Option<NonZeroUsize>,
-    /// Go on from this file if it exists, and keep it up to date
+    time: Option<Duration>,
+    /// Keys every random number; images of different seeds are independent
+    #[arg(long, value_name = "S", default_value_t = 0)]
+    seed: u64,
+    /// Threads; the image does not depend on them [default: all cores]
+    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// Go on from this file if it is there, and keep it up to date
     #[arg(long, value_name = "FILE")]
-    pub checkpoint: Option<PathBuf>,
+    checkpoint: Option<PathBuf>,
     /// Print one JSON object on stdout
     #[arg(long)]
-    pub json: bool,
+    json: bool,
 }
 
-/// `--light` of `photile reference`.
+/// Light, as on the command line.
 #[derive(clap::ValueEnum, Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Light {
-    /// All light
+enum Light {
+    /// All of it
     #[default]
     Full,
     /// Light → first surface → camera
     Direct,
 }
 
+impl Light {
+    fn name(self) -> &'static str {
+        match self {
+            Light::Full => "full",
+            Light::Direct => "direct",
+        }
+    }
+}
+
+/// What `--json` prints.
 #[derive(serde::Serialize)]
 struct Report<'a> {
     scene: &'a str,
     light: &'static str,
-    size: (u32, u32),
+    size: [u32; 2],
     seed: u64,
     spp: u64,
+    /// Mean over pixels of standard error over luminance.
     relative_noise: f64,
     mean: [f64; 3],
+    mean_standard_error: [f64; 3],
     seconds: f64,
     interrupted: bool,
-    output: &'a Path,
-    checkpoint: Option<&'a Path>,
+    output: String,
+    checkpoint: Option<String>,
 }
 
-/// Render the reference image; Ctrl-C stops it, and what is done is saved.
-///
-/// # Errors
-/// A scene, option or checkpoint that is wrong (exit code 2), or a file that cannot be written (1).
+/// Renders until a limit or Ctrl-C; what is done by then is saved.
 pub fn run(args: &Args) -> Result<()> {
     let scene = scene::load(&args.scene)?;
     let output = args.output.clone().unwrap_or_else(|| PathBuf::from(format!("{}_reference.exr", scene.name)));
-    if output.extension().is_none_or(|e| !e.eq_ignore_ascii_case("exr")) {
-        return Err(Error::Usage(format!("{}: expected a name that ends in .exr", output.display())));
+    if check_output(&output)? != Format::Exr {
+        return Err(Error::Usage(format!("output {}: expected .exr, which has room for errors", output.display())));
     }
-    let settings = ReferenceSettings {
-        size: args.size.or(scene.render.size).unwrap_or((320, 240)),
+    if let Some(path) = &args.checkpoint {
+        check_directory(path)?;
+    }
+    let settings = settings(args, &scene);
+    let mut from = reference::start(&scene, &settings)?;
+    if let Some(path) = args.checkpoint.as_deref().filter(|path| path.exists()) {
+        let found = Accumulator::load(path)?;
+        if !found.continues(&from) {
+            let ((width, height), spp) = (found.size(), found.passes());
+            return Err(Error::Usage(format!(
+                "{}: found {width}x{height} pixels after {spp} samples each, expected an image of the same scene, size, \
+                 light mode and seed",
+                path.display()
+            )));
+        }
+        notice(&format!("going on from {} after {} samples a pixel", path.display(), found.passes()));
+        from = found;
+    }
+
+    let mut watch = Watch::new(args, &settings);
+    let (width, height) = settings.size;
+    notice(&format!("rendering {width}x{height} pixels of {}; Ctrl-C saves what is done", scene.name));
+    let (rendered, save_error) = watch.render(&scene, &settings, from);
+    let unfinished = watch.unfinished.take();
+    if let Some(error) = save_error {
+        return Err(error);
+    }
+
+    // Sums first: they are what cannot be had again at once.
+    let checkpoint = args.checkpoint.clone().or(unfinished.is_some().then(|| output.with_extension("checkpoint")));
+    if let (Some(path), Some(sums)) =
+        (&checkpoint, unfinished.as_ref().or(rendered.as_ref().ok().map(|image| &image.accumulator)))
+    {
+        sums.save(path)?;
+    }
+    let go_on = checkpoint.as_ref().map(|path| format!("go on with --checkpoint {}", path.display()));
+    let image = match (&unfinished, rendered) {
+        (Some(sums), Err(_)) => {
+            return Err(Error::Failed(format!(
+                "interrupted after {} samples a pixel; an image needs {}; {}",
+                sums.passes(),
+                reference::REPLICATES,
+                go_on.unwrap_or_default()
+            )));
+        }
+        (_, rendered) => rendered?,
+    };
+    let spp = image.accumulator.passes();
+    let note = |name: &str, value: String| (name.to_string(), value);
+    let provenance = [
+        note("scene", scene.name.clone()),
+        note("renderer", "reference".into()),
+        note("light", args.light.name().into()),
+        note("samples", spp.to_string()),
+        note("seed", args.seed.to_string()),
+    ];
+    image.write_exr(&output, &provenance)?;
+
+    let noise = image.relative_noise();
+    let seconds = watch.began.elapsed().as_secs_f64();
+    notice(&format!("{}: {spp} samples a pixel in {seconds:.1} s, noise {:.2}%", output.display(), 100.0 * noise));
+    if args.json {
+        print_json(&Report {
+            scene: &scene.name,
+            light: args.light.name(),
+            size: [image.size.0, image.size.1],
+            seed: args.seed,
+            spp,
+            relative_noise: noise,
+            mean: (image.mean.iter().sum::<glam::DVec3>() / image.mean.len() as f64).to_array(),
+            mean_standard_error: image.overall_error.to_array(),
+            seconds,
+            interrupted: unfinished.is_some(),
+            output: output.display().to_string(),
+            checkpoint: checkpoint.as_ref().map(|path| path.display().to_string()),
+        });
+    }
+    // Not what was asked for: a script must not take it for that.
+    match (unfinished, go_on) {
+        (Some(_), Some(go_on)) => Err(Error::Failed(format!("interrupted after {spp} samples a pixel; {go_on}"))),
+        _ => Ok(()),
+    }
+}
+
+/// The command line's word, else the scene's, else the default.
+fn settings(args: &Args, scene: &Scene) -> ReferenceSettings {
+    let default = ReferenceSettings::default();
+    ReferenceSettings {
+        size: args.size.map(|size| (size.width, size.height)).or(scene.render.size).unwrap_or(default.size),
         light: match args.light {
             Light::Full => ReferenceLight::Full,
             Light::Direct => ReferenceLight::Direct,
         },
-        spp: args.spp.or(args.time.is_none().then_some(DEFAULT_SPP)),
+        spp: args.spp.or(default.spp.filter(|_| args.time.is_none())),
         time: args.time,
         seed: args.seed,
-        threads: args.threads,
-    };
-    let from = match &args.checkpoint {
-        Some(path) if path.exists() => {
-            let from = Accumulator::load(path)?;
-            tracing::info!("{}: going on after {} samples a pixel", path.display(), from.passes());
-            from
-        }
-        _ => reference::start(&scene, &settings)?,
-    };
+        threads: args.threads.and_then(|threads| NonZeroUsize::new(threads.into())),
+    }
+}
 
-    let interrupted = stop_on_interrupt();
-    let bar = progress_bar(&settings);
-    let began = Instant::now();
-    let mut saved = Instant::now();
-    let mut save_error = None;
-    let mut unfinished = None;
-    let rendered = reference::resume(&scene, &settings, from, &mut |progress| {
-        match (progress.target, settings.time) {
-            (Some(_), None) => bar.set_position(progress.accumulator.passes()),
-            _ => bar.set_position(progress.elapsed.as_millis() as u64),
+/// What goes on beside the rendering: progress, checkpoints, Ctrl-C.
+struct Watch<'a> {
+    checkpoint: Option<&'a Path>,
+    bar: ProgressBar,
+    interrupted: Arc<AtomicBool>,
+    began: Instant,
+    saved: Instant,
+    told: Instant,
+    /// What was done when Ctrl-C stopped it.
+    unfinished: Option<Accumulator>,
+}
+
+impl<'a> Watch<'a> {
+    fn new(args: &'a Args, settings: &ReferenceSettings) -> Self {
+        let now = Instant::now();
+        Self {
+            checkpoint: args.checkpoint.as_deref(),
+            bar: progress_bar(settings),
+            interrupted: stop_on_interrupt(),
+            began: now,
+            saved: now,
+            told: now,
+            unfinished: None,
         }
-        bar.set_message(format!("{} samples a pixel", progress.accumulator.passes()));
-        if let Some(path) = args.checkpoint.as_deref().filter(|_| saved.elapsed() >= SAVE_EVERY) {
-            if let Err(e) = progress.accumulator.save(path) {
-                save_error = Some(e);
+    }
+
+    /// The image, and what a checkpoint's writing met: that alone stops it too.
+    fn render(
+        &mut self,
+        scene: &Scene,
+        settings: &ReferenceSettings,
+        from: Accumulator,
+    ) -> (Result<Reference>, Option<Error>) {
+        let mut save_error = None;
+        let rendered = reference::resume(scene, settings, from, &mut |progress| {
+            self.tell(settings, progress);
+            if let Some(path) = self.checkpoint.filter(|_| self.saved.elapsed() >= SAVE_EVERY) {
+                if let Err(error) = progress.accumulator.save(path) {
+                    save_error = Some(error);
+                    return ControlFlow::Break(());
+                }
+                self.saved = Instant::now();
+            }
+            let done = progress.target.is_some_and(|target| progress.accumulator.passes() >= target);
+            if !done && self.interrupted.load(Ordering::Relaxed) {
+                self.unfinished = Some(progress.accumulator.clone());
                 return ControlFlow::Break(());
             }
-            saved = Instant::now();
-        }
-        if interrupted.load(Ordering::Relaxed) {
-            unfinished = Some(progress.accumulator.clone());
-            return ControlFlow::Break(());
-        }
-        ControlFlow::Continue(())
-    });
-    bar.finish_and_clear();
-    if let Some(e) = save_error {
-        return Err(e);
+            ControlFlow::Continue(())
+        });
+        self.bar.finish_and_clear();
+        (rendered, save_error)
     }
 
-    // Sums first: they are what cannot be had again at once.
-    let checkpoint = match (&args.checkpoint, &unfinished) {
-        (Some(path), _) => Some(path.clone()),
-        (None, Some(_)) => Some(output.with_extension("checkpoint")),
-        (None, None) => None,
-    };
-    if let Some(path) = &checkpoint {
-        match (&unfinished, &rendered) {
-            (Some(sums), _) => sums.save(path)?,
-            (None, Ok(image)) => image.accumulator.save(path)?,
-            (None, Err(_)) => {}
+    /// On a terminal the bar; elsewhere, as in a log, a line now and then.
+    fn tell(&mut self, settings: &ReferenceSettings, progress: &Progress) {
+        let passes = progress.accumulator.passes();
+        self.bar.set_position(match settings.time {
+            Some(_) => progress.elapsed.as_millis() as u64,
+            None => passes,
+        });
+        let every = if self.bar.is_hidden() { LOG_EVERY } else { Duration::from_secs(1) };
+        // The first ones at once: they say that it works.
+        if passes > 8 && self.told.elapsed() < every {
+            return;
+        }
+        let noise = 100.0 * progress.accumulator.relative_noise();
+        let line = match passes < reference::REPLICATES as u64 {
+            true => format!("{passes} samples a pixel"),
+            false => format!("{passes} samples a pixel, noise {noise:.2}%"),
+        };
+        if self.bar.is_hidden() {
+            if self.told.elapsed() >= every {
+                notice(&format!("{line}, {:.0} s", progress.elapsed.as_secs_f64()));
+                self.told = Instant::now();
+            }
+        } else {
+            self.bar.set_message(line);
+            self.told = Instant::now();
         }
     }
-    if let (Some(_), Some(path)) = (&unfinished, &checkpoint) {
-        tracing::warn!("interrupted; go on with --checkpoint {}", path.display());
-    }
-    let image = rendered?;
-    image.write_exr(&output)?;
-
-    let pixels = image.mean.len() as f64;
-    let report = Report {
-        scene: &scene.name,
-        light: match args.light {
-            Light::Full => "full",
-            Light::Direct => "direct",
-        },
-        size: image.size,
-        seed: args.seed,
-        spp: image.accumulator.passes(),
-        relative_noise: image.relative_noise(),
-        mean: (image.mean.iter().sum::<glam::DVec3>() / pixels).to_array(),
-        seconds: began.elapsed().as_secs_f64(),
-        interrupted: unfinished.is_some(),
-        output: &output,
-        checkpoint: checkpoint.as_deref(),
-    };
-    if args.json {
-        let text = serde_json::to_string(&report).map_err(|e| Error::Failed(format!("JSON: {e}")))?;
-        println!("{text}");
-    } else {
-        println!(
-            "{}: {}x{}, {} samples a pixel in {:.1} s, mean relative noise {:.2}%",
-            output.display(),
-            image.size.0,
-            image.size.1,
-            report.spp,
-            report.seconds,
-            100.0 * report.relative_noise
-        );
-    }
-    Ok(())
 }
 
 /// A flag that the first Ctrl-C sets; the second one ends the program as usual.
@@ -200,9 +292,10 @@ fn stop_on_interrupt() -> Arc<AtomicBool> {
         if seen.swap(true, Ordering::Relaxed) {
             std::process::exit(130); // 128 + SIGINT, as a shell reports it
         }
+        notice("stopping after this sample of all pixels; Ctrl-C again ends at once");
     });
     if let Err(e) = installed {
-        tracing::warn!("Ctrl-C will not save what is done: {e}");
+        notice(&format!("Ctrl-C will not save what is done: {e}"));
     }
     flag
 }
@@ -216,18 +309,10 @@ fn progress_bar(settings: &ReferenceSettings) -> ProgressBar {
     let target =
         if std::io::stderr().is_terminal() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
     let bar = ProgressBar::with_draw_target(Some(length), target);
-    if let Ok(style) = ProgressStyle::with_template("{bar:40} {percent}% {msg}, {elapsed} (left {eta})") {
+    if let Ok(style) = ProgressStyle::with_template("{bar:40} {percent}%, {elapsed} (left {eta}), {msg}") {
         bar.set_style(style);
     }
     bar
-}
-
-/// `320x240`.
-fn parse_size(text: &str) -> std::result::Result<(u32, u32), String> {
-    let number = |part: &str| part.parse::<u32>().ok().filter(|&n| n > 0);
-    text.split_once(['x', 'X'])
-        .and_then(|(width, height)| Some((number(width)?, number(height)?)))
-        .ok_or_else(|| "expected WIDTHxHEIGHT in pixels, as in 320x240".into())
 }
 
 /// A positive, finite number of seconds.
@@ -251,11 +336,18 @@ mod tests {
     fn options_are_read_and_nonsense_is_refused() {
         let line = |text: &str| Line::try_parse_from(text.split(' ')).map(|l| l.args);
         let args = line("reference a.toml --size 64x48 --light direct --time 1.5 --threads 2").unwrap();
-        assert_eq!((args.size, args.light), (Some((64, 48)), Light::Direct));
+        assert_eq!((args.size, args.light), (Some(Size { width: 64, height: 48 }), Light::Direct));
         assert_eq!(args.time, Some(Duration::from_millis(1500)));
-        for wrong in
-            ["--size 64", "--size 0x4", "--time 0", "--time -1", "--time nan", "--light photons", "--threads 0"]
-        {
+        for wrong in [
+            "--size 64",
+            "--size 0x4",
+            "--time 0",
+            "--time -1",
+            "--time nan",
+            "--light photons",
+            "--threads 0",
+            "--spp 0",
+        ] {
             assert!(line(&format!("reference a.toml {wrong}")).is_err(), "{wrong}");
         }
     }

@@ -6,6 +6,7 @@ use std::path::Path;
 use glam::DVec3;
 
 use crate::error::{Error, Result};
+use crate::film::write_beside;
 
 /// Independent scramblings whose spread gives the standard error.
 ///
@@ -49,8 +50,9 @@ impl Accumulator {
         self.passes
     }
 
-    pub(super) fn fingerprint(&self) -> u64 {
-        self.fingerprint
+    /// Whether passes may be added to this image just as to `other`: same scene, size, light mode and seed.
+    pub fn continues(&self, other: &Self) -> bool {
+        self.size == other.size && self.fingerprint == other.fingerprint
     }
 
     /// Add one pass: radiance per pixel, rows from the top, three channels.
@@ -100,7 +102,9 @@ impl Accumulator {
         Some((mean, error))
     }
 
-    /// Standard error of the mean of all pixels, from the replicates' own means; zero before every replicate has a sample.
+    /// Standard error of the mean of all pixels, from the replicates' own means.
+    ///
+    /// Zero before every replicate has a sample.
     pub(super) fn overall_error(&self) -> DVec3 {
         if self.passes < REPLICATES as u64 {
             return DVec3::ZERO;
@@ -118,7 +122,9 @@ impl Accumulator {
     }
 
     /// Mean over pixels of the luminance's standard error over the luminance; black pixels are left out.
-    pub(super) fn relative_noise(&self) -> f64 {
+    ///
+    /// Zero before every replicate has a sample.
+    pub fn relative_noise(&self) -> f64 {
         if self.passes < REPLICATES as u64 {
             return 0.0;
         }
@@ -148,21 +154,21 @@ impl Accumulator {
     /// # Errors
     /// [`Error::File`] if the file cannot be written.
     pub fn save(&self, path: &Path) -> Result<()> {
-        let mut bytes = Vec::with_capacity(40 + self.sums.len() * 8);
-        bytes.extend_from_slice(MAGIC);
-        let anchors = self.anchor_sums.len() as u64;
-        for value in [self.fingerprint, u64::from(self.size.0), u64::from(self.size.1), self.passes, anchors] {
-            bytes.extend_from_slice(&value.to_le_bytes());
-        }
-        for sum in self.sums.iter().chain(&self.anchor_sums) {
-            bytes.extend_from_slice(&sum.to_le_bytes());
-        }
-        let check = fnv1a(&bytes);
-        bytes.extend_from_slice(&check.to_le_bytes());
-        replace_file(path, |beside| {
-            let mut file = std::fs::File::create(beside)?;
-            file.write_all(&bytes)?;
-            file.sync_all()
+        write_beside(path, |file| {
+            let mut check = Fnv1a::default();
+            let mut put = |bytes: &[u8]| {
+                check.add(bytes);
+                file.write_all(bytes)
+            };
+            put(MAGIC)?;
+            let anchors = self.anchor_sums.len() as u64;
+            for value in [self.fingerprint, u64::from(self.size.0), u64::from(self.size.1), self.passes, anchors] {
+                put(&value.to_le_bytes())?;
+            }
+            for sum in self.sums.iter().chain(&self.anchor_sums) {
+                put(&sum.to_le_bytes())?;
+            }
+            file.write_all(&check.0.to_le_bytes())
         })
     }
 
@@ -201,20 +207,24 @@ impl Accumulator {
 }
 
 /// FNV-1a, 64 bits: stable across platforms and releases, which the standard hasher does not promise.
-pub(super) fn fnv1a(bytes: &[u8]) -> u64 {
-    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3))
+struct Fnv1a(u64);
+
+impl Default for Fnv1a {
+    fn default() -> Self {
+        Self(0xcbf2_9ce4_8422_2325)
+    }
 }
 
-/// Let `write` make a file beside `path`, then rename it to `path`; on failure nothing is left behind.
-pub(super) fn replace_file(path: &Path, write: impl FnOnce(&Path) -> std::io::Result<()>) -> Result<()> {
-    let mut name = path.file_name().unwrap_or_default().to_owned();
-    name.push(format!(".{}.part", std::process::id()));
-    let beside = path.with_file_name(name);
-    write(&beside).and_then(|()| std::fs::rename(&beside, path)).map_err(|e| {
-        // The partial file is of no use to anyone; that it may not exist is fine.
-        let _ = std::fs::remove_file(&beside);
-        Error::File { path: path.into(), what: format!("cannot be written: {e}") }
-    })
+impl Fnv1a {
+    fn add(&mut self, bytes: &[u8]) {
+        self.0 = bytes.iter().fold(self.0, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3));
+    }
+}
+
+pub(super) fn fnv1a(bytes: &[u8]) -> u64 {
+    let mut hash = Fnv1a::default();
+    hash.add(bytes);
+    hash.0
 }
 
 #[cfg(test)]

@@ -1,7 +1,8 @@
 //! Reference images: what the photon-mapping renderers must converge to, made by an independent method.
 //!
 //! Double precision, bidirectional path tracing (`estimator`) whose deep bounces are shared between pixels without bias
-//! (`anchors`), Owen-scrambled Sobol' points (`sampler`), exact intersections (`geometry`); nothing here is shared with the photon-mapping stages beyond the scene itself.
+//! (`anchors`), Owen-scrambled Sobol' points (`sampler`), exact intersections (`geometry`);
+//! nothing here is shared with the photon-mapping stages beyond the scene itself.
 //!
 //! ```text
 //!     Scene ─► Estimator ─ a sample of every pixel ─► Accumulator ─► Reference ─► EXR with standard errors
@@ -26,12 +27,14 @@ mod estimator;
 mod geometry;
 mod output;
 mod sampler;
+mod technique;
 #[cfg(test)]
 mod tests;
 
 pub use accumulator::{Accumulator, REPLICATES};
-use estimator::{Estimator, Far, Heuristic, Scratch, Technique};
+use estimator::{Estimator, Far, Scratch};
 use sampler::Sampler;
+use technique::{TECHNIQUE, Technique};
 
 /// Which light the image holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -110,17 +113,6 @@ impl Reference {
     }
 }
 
-/// The estimator that did best in equal time on the report's scenes.
-const TECHNIQUE: Technique = Technique {
-    light_vertices: 2,
-    light_paths: 2,
-    heuristic: Heuristic::Power,
-    roulette_from: 3,
-    direct_only: false,
-    anchors: 8192,
-    difference_rate: 1.0,
-};
-
 /// Render `scene` until a limit of `settings` is reached or `progress` breaks off; the image so far is then returned.
 ///
 /// # Errors
@@ -152,11 +144,12 @@ pub fn resume(
     accumulator: Accumulator,
     progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Reference> {
-    check(scene, settings)?;
-    if accumulator.size() != settings.size || accumulator.fingerprint() != fingerprint(scene, settings) {
-        return Err(Error::Usage(
-            "the checkpoint is of another scene, size, light mode or seed than the render that was asked for".into(),
-        ));
+    if !accumulator.continues(&start(scene, settings)?) {
+        let ((width, height), spp) = (accumulator.size(), accumulator.passes());
+        return Err(Error::Usage(format!(
+            "unfinished image of {width}x{height} pixels after {spp} samples each: expected one of the same scene, \
+             size, light mode and seed as asked for now"
+        )));
     }
     let technique = Technique { direct_only: settings.light == ReferenceLight::Direct, ..TECHNIQUE };
     Reference::new(accumulate(scene, settings, technique, accumulator, progress)?)

@@ -36,7 +36,8 @@ impl Sampler {
 
     /// Four numbers in (0, 1).
     ///
-    /// The generator gives multiples of 2⁻²³; half a step keeps their mean at ½ and logarithms and divisions away from 0.
+    /// The generator gives multiples of 2⁻²³; half a step keeps their mean at ½ and logarithms and divisions away
+    /// from 0.
     #[inline]
     pub fn get(&self, Dimensions(set): Dimensions) -> [f64; 4] {
         // Beyond the generator's last dimension: the same ones again, scrambled and shuffled anew ("padding", Burley).
