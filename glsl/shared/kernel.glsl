@@ -154,7 +154,9 @@ Chord chord_of(SCENE_PARAMS int i, Surface surface, Real inverse_radius) {
         Real dc = point_cosine - circle_cosine;
         Real ds = point_sine - circle_sine;
         Real chordal = sqrt(dc * dc + ds * ds) * radius * inverse_radius;
-        chordal = pick(fabs(circle_cosine) < 1.0f, chordal, INFINITE);
+        // A circle of less than R/20 takes 1/400 of the disc at most, and no chord at all resembles it; a sphere that
+        // just touches the plane has one or none by the last bit.
+        chordal = pick(circle_sine * radius * inverse_radius > 0.05f, chordal, INFINITE);
         chord.distance = pick(on_sphere, chordal, chord.distance);
     }
 #endif

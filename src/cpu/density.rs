@@ -96,7 +96,10 @@ pub fn chord_of(scene: &SceneTables, i: usize, surface: &Surface, inverse_radius
         let circle_sine = (1.0 - circle_cosine * circle_cosine).max(0.0).sqrt();
         let (dc, ds) = (point_cosine - circle_cosine, point_sine - circle_sine);
         distance = (dc * dc + ds * ds).sqrt() * sphere.extent * inverse_radius;
-        if circle_cosine.abs() >= 1.0 {
+        // A circle of less than R/20 takes 1/400 of the disc at most; a sphere that just touches the plane has one or
+        // none by the last bit.
+        let resembles_a_chord = circle_sine * sphere.extent * inverse_radius > 0.05;
+        if !resembles_a_chord {
             distance = f32::INFINITY;
         }
     }

@@ -4,6 +4,7 @@
 pub mod bsdf;
 pub mod camera;
 pub mod density;
+pub mod edges;
 pub mod gather;
 pub mod grid;
 pub mod intersect;

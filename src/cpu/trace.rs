@@ -10,7 +10,7 @@ use super::camera::{camera_direction, jitter_x, jitter_y};
 use super::gather::{PhotonMap, photon_radiance};
 use super::random::hash2_u;
 use super::scene::{SceneTables, Surface};
-use crate::features::Lights;
+use crate::features::{Features, Lights};
 use crate::layout::Frame;
 
 /// Radiance towards the viewer from point lights, W·m⁻²·sr⁻¹.
@@ -49,22 +49,26 @@ pub fn radiance_along(scene: &SceneTables, map: Option<&PhotonMap>, origin: Vec3
     direct + indirect + Vec3::from(object.color) * object.ambient
 }
 
-/// Mean over the pixel's samples.
-pub fn pixel_radiance(scene: &SceneTables, map: Option<&PhotonMap>, frame: &Frame, column: u32, row: u32) -> Vec3 {
+/// Where a pixel's samples lie on the image plane, in pixels from the image's top left corner.
+pub fn sample_points(features: &Features, frame: &Frame, column: u32, row: u32) -> impl Iterator<Item = (f32, f32)> {
     let (x, y) = (column as f32, row as f32);
-    let origin = frame.position.into();
-    if scene.features.one_sample {
-        return radiance_along(scene, map, origin, camera_direction(frame, x + 0.5, y + 0.5));
-    }
     let seed = frame.seed_low as u32 | (frame.seed_high as u32) << 16;
     let pixel_key = hash2_u(column, row ^ seed);
-    let samples = frame.samples as u32;
+    let one_sample = features.one_sample;
+    let (first, count) = (frame.first_sample as u32, if one_sample { 1 } else { frame.samples as u32 });
+    (first..first + count).map(move |index| match one_sample {
+        true => (x + 0.5, y + 0.5),
+        false => (x + jitter_x(index, pixel_key), y + jitter_y(index, pixel_key)),
+    })
+}
+
+/// Mean over the pixel's samples.
+pub fn pixel_radiance(scene: &SceneTables, map: Option<&PhotonMap>, frame: &Frame, column: u32, row: u32) -> Vec3 {
     let mut sum = Vec3::ZERO;
-    for index in (0..samples).map(|s| frame.first_sample as u32 + s) {
-        let direction = camera_direction(frame, x + jitter_x(index, pixel_key), y + jitter_y(index, pixel_key));
-        sum += radiance_along(scene, map, origin, direction);
+    for (x, y) in sample_points(scene.features, frame, column, row) {
+        sum += radiance_along(scene, map, frame.position.into(), camera_direction(frame, x, y));
     }
-    sum * (1.0 / samples as f32)
+    if scene.features.one_sample { sum } else { sum * (1.0 / frame.samples) }
 }
 
 /// The whole film, row 0 = top, on the calling thread's rayon pool: a pool of one thread is plain serial code.
