@@ -3,11 +3,11 @@
 use super::table::Table;
 use super::{Measured, Options, Progress, Steps};
 use crate::cells::{self, CELLS_PER_RADIUS, CELLS_PER_RADIUS_ALONE, CellSize, Form};
+use crate::cpu;
 use crate::cpu::camera::camera_direction;
 use crate::cpu::gather::{PhotonMap, for_each_candidate, near};
 use crate::cpu::photons::{PhotonTables, photons};
 use crate::cpu::scene::SceneTables;
-use crate::cpu::{self};
 use crate::emission::{self, Emission};
 use crate::error::{Error, Result};
 use crate::features::{Features, is_divided};
@@ -97,7 +97,7 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Meas
         }
     }
     let settings = serde_json::to_value(&plan).map_err(|e| Error::Failed(format!("JSON: {e}")))?;
-    Ok(Measured { settings, rows, summaries: Vec::new() })
+    Ok(Measured { settings, rows, summaries: Vec::new(), charts: Vec::new() })
 }
 
 fn emit(scene: &SceneTables, packed: &Packed, stored: u32) -> Result<PhotonTables> {

@@ -14,6 +14,7 @@ use crate::settings::Backend;
 
 mod gather;
 mod machine;
+pub mod plot;
 mod radius;
 pub mod scenes;
 mod speed;
@@ -21,6 +22,7 @@ pub mod table;
 pub mod timing;
 
 pub use machine::MachineInfo;
+use plot::Chart;
 use table::Table;
 
 /// What is measured.
@@ -66,8 +68,8 @@ impl Suite {
             Suite::Gather => gather::run(options, progress)?,
         };
         machine.finish();
-        let Measured { settings, rows, summaries } = measured;
-        Ok(Report { suite: self, machine, settings, rows, summaries })
+        let Measured { settings, rows, summaries, charts } = measured;
+        Ok(Report { suite: self, machine, settings, rows, summaries, charts })
     }
 }
 
@@ -157,6 +159,7 @@ struct Measured {
     settings: serde_json::Value,
     rows: Table,
     summaries: Vec<Table>,
+    charts: Vec<(String, Chart)>,
 }
 
 /// A finished suite.
@@ -172,6 +175,9 @@ pub struct Report {
     pub rows: Table,
     /// The same for people: what should be compared stands side by side.
     pub summaries: Vec<Table>,
+    /// Curves, under their files' names.
+    #[serde(skip)]
+    pub charts: Vec<(String, Chart)>,
 }
 
 impl Report {
@@ -192,7 +198,8 @@ impl Report {
         write_beside(path, |file| file.write_all(self.rows.csv().as_bytes()))
     }
 
-    /// Writes `SUITE.csv` and `SUITE.json` into a directory, which is made where it is not there. The files' paths.
+    /// Writes `SUITE.csv`, `SUITE.json` and each chart as SVG and PNG into a directory, which is made where it is not
+    /// there. The files' paths.
     ///
     /// # Errors
     /// [`Error::File`].
@@ -204,7 +211,14 @@ impl Report {
         self.write_csv(&csv)?;
         let text = serde_json::to_string_pretty(self).map_err(|e| Error::Failed(format!("JSON: {e}")))?;
         write_beside(&json, |file| writeln!(file, "{text}"))?;
-        Ok(vec![csv, json])
+        let mut written = vec![csv, json];
+        for (name, chart) in &self.charts {
+            let [svg, png] = ["svg", "png"].map(|extension| directory.join(format!("{name}.{extension}")));
+            chart.write_svg(&svg)?;
+            chart.write_png(&png)?;
+            written.extend([svg, png]);
+        }
+        Ok(written)
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::plot::{Chart, Curve};
 use super::table::{Table, Value};
 use super::{Measured, Options, Progress, Steps};
 use crate::error::{Error, Result};
@@ -53,11 +54,25 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Meas
     let mut columns = vec!["scene".to_string(), "paths".into(), "auto R".into(), "best R".into(), "auto/best".into()];
     columns.extend(plan.factors.iter().map(|factor| format!("x{factor}")));
     let mut summary = Table::new(columns);
+    let mut chart = Chart {
+        title: format!(
+            "Error by gather radius, {} samples a pixel; rings: the radius chosen without --radius",
+            plan.samples
+        ),
+        x: "radius / chosen radius".into(),
+        y: "RMSE, radiance".into(),
+        curves: Vec::new(),
+    };
     for (scene, reference) in options.scenes.iter().zip(&references) {
         for paths in &plan.paths {
             let points = curve(&mut pipeline, scene, reference, *paths, &plan, &mut steps)?;
             let best = points.iter().min_by(|a, b| a.rmse.total_cmp(&b.rmse)).expect("there are factors");
             let auto = points.iter().find(|p| p.factor == 1.0).expect("1 is among the factors");
+            chart.curves.push(Curve {
+                name: format!("{}, {paths} paths", scene.name),
+                points: points.iter().map(|p| (p.factor.into(), p.rmse)).collect(),
+                marked: points.iter().position(|p| p.factor == 1.0),
+            });
             let mut row: Vec<Value> = vec![scene.name.as_str().into(), (*paths).into()];
             row.extend([auto.radius.into(), best.radius.into(), (auto.rmse / best.rmse).into()]);
             row.extend(points.iter().map(|p| Value::from(p.rmse)));
@@ -77,7 +92,7 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Meas
         }
     }
     let settings = serde_json::to_value(&plan).map_err(|e| Error::Failed(format!("JSON: {e}")))?;
-    Ok(Measured { settings, rows, summaries: vec![summary] })
+    Ok(Measured { settings, rows, summaries: vec![summary], charts: vec![("radius".into(), chart)] })
 }
 
 /// The first backend that is there, of those wanted.

