@@ -15,6 +15,8 @@
 
 pub mod cli;
 
+pub mod bench;
+
 pub mod pipeline;
 pub mod radius;
 pub mod reference;

@@ -30,11 +30,13 @@ pub struct Machine {
     pub device: Option<String>,
     /// Threads of the CPU twins.
     pub threads: usize,
+    /// Lanes of an OpenCL work-item (1, 4, 8 or 16); `None`: what suits the device. 1 gives plain scalar kernels.
+    pub lanes: Option<u32>,
 }
 
 impl Default for Machine {
     fn default() -> Self {
-        Machine { backend: None, device: None, threads: 1 }
+        Machine { backend: None, device: None, threads: 1, lanes: None }
     }
 }
 
@@ -62,8 +64,17 @@ pub struct Times {
 pub struct Devices {
     /// The OpenCL device.
     pub opencl: Option<String>,
+    /// Lanes of a work-item there.
+    pub lanes: Option<u32>,
     /// The GL renderer and the way to it.
     pub opengl: Option<String>,
+}
+
+impl Devices {
+    fn name_opencl(&mut self, opened: &cl::Context) {
+        self.opencl = Some(opened.device.name.clone());
+        self.lanes = Some(opened.device.lanes);
+    }
 }
 
 /// A picture and how it came about.
@@ -136,9 +147,9 @@ impl Pipeline {
                 devices.opengl = Some(format!("{} ({})", headless.renderer, headless.route));
                 let tracer = GlTrace::new(&headless.gl, headless.is_software)?;
                 context = Some(headless);
-                let map = match open_device(machine.device.as_deref(), notice) {
+                let map = match open_lanes(machine, notice) {
                     Ok(opened) => {
-                        devices.opencl = Some(opened.device.name.clone());
+                        devices.name_opencl(&opened);
                         MapStage::on_device(Rc::new(opened))?
                     }
                     Err(error @ Error::Usage(_)) => return Err(error),
@@ -150,8 +161,8 @@ impl Pipeline {
                 (Box::new(tracer), map)
             }
             Backend::OpenCl => {
-                let opened = Rc::new(open_device(machine.device.as_deref(), notice)?);
-                devices.opencl = Some(opened.device.name.clone());
+                let opened = Rc::new(open_lanes(machine, notice)?);
+                devices.name_opencl(&opened);
                 (Box::new(ClTrace::new(Rc::clone(&opened))?), MapStage::on_device(opened)?)
             }
             Backend::Cpu => {
@@ -334,6 +345,13 @@ fn threads(machine: &Machine) -> Result<Rc<rayon::ThreadPool>> {
     let threads = machine.threads;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     pool.map(Rc::new).map_err(|error| Error::Device(format!("{threads} threads: {error}")))
+}
+
+/// The machine's OpenCL device, with the lanes asked for.
+fn open_lanes(machine: &Machine, notice: &mut dyn FnMut(&str)) -> Result<cl::Context> {
+    let mut opened = open_device(machine.device.as_deref(), notice)?;
+    opened.device.lanes = machine.lanes.unwrap_or(opened.device.lanes);
+    Ok(opened)
 }
 
 /// The first OpenCL device that builds a kernel; one that cannot is reported and passed over.

@@ -1,5 +1,6 @@
 //! The command line: a file a command. Argument types hold syntax only; policy lives below.
 
+mod bench;
 mod compare;
 mod doctor;
 mod options;
@@ -24,6 +25,7 @@ struct Cli {
 enum Command {
     Render(render::Args),
     Compare(compare::Args),
+    Bench(bench::Args),
     Validate(validate::Args),
     Reference(reference::Args),
     Plan(plan::Args),
@@ -38,6 +40,7 @@ pub fn run() -> Result<()> {
     match Cli::parse().command {
         Command::Render(args) => render::run(&args),
         Command::Compare(args) => compare::run(&args),
+        Command::Bench(args) => bench::run(&args),
         Command::Validate(args) => validate::run(&args),
         Command::Reference(args) => reference::run(&args),
         Command::Plan(args) => plan::run(&args),

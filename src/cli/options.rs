@@ -162,7 +162,7 @@ impl FromStr for Size {
 }
 
 /// A count with an optional k or M behind it.
-fn parse_count(text: &str) -> std::result::Result<u32, String> {
+pub fn parse_count(text: &str) -> std::result::Result<u32, String> {
     let expected = || format!("found '{text}', expected a number of photons from 1 to 2147483647, such as 200k or 1M");
     let (digits, unit) = match text.char_indices().last() {
         Some((at, 'k' | 'K')) => (&text[..at], 1e3),
@@ -177,7 +177,7 @@ fn parse_count(text: &str) -> std::result::Result<u32, String> {
     }
 }
 
-fn parse_radius(text: &str) -> std::result::Result<f32, String> {
+pub fn parse_radius(text: &str) -> std::result::Result<f32, String> {
     match text.parse::<f32>() {
         // Squares of smaller and larger radii leave float32's normal range.
         Ok(radius) if (1e-15..=1e15).contains(&radius) => Ok(radius),
@@ -249,7 +249,7 @@ impl RenderOptions {
 
     /// Where to run.
     pub fn machine(&self, backend: Option<Backend>) -> Machine {
-        Machine { backend, device: self.device.clone(), threads: usize::from(self.threads) }
+        Machine { backend, device: self.device.clone(), threads: usize::from(self.threads), lanes: None }
     }
 }
 

@@ -1,0 +1,232 @@
+//! Benchmarks: suites that measure, and the report that all of them give.
+//!
+//! A suite is a file here with a function from [`Options`] to a [`Report`], and a line in [`Suite`].
+
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use crate::error::{Error, Result};
+use crate::film::write_beside;
+use crate::pipeline::Machine;
+use crate::scene::Scene;
+use crate::settings::Backend;
+
+mod gather;
+mod machine;
+pub mod plot;
+mod radius;
+pub mod scenes;
+mod speed;
+pub mod table;
+pub mod timing;
+
+pub use machine::MachineInfo;
+use plot::Chart;
+use table::Table;
+
+/// What is measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Suite {
+    /// Milliseconds of the stages and of the picture, by backend.
+    Speed,
+    /// Error against a reference by gather radius, around the one that is chosen.
+    Radius,
+    /// Candidates tested for each photon accepted.
+    Gather,
+}
+
+impl Suite {
+    /// As users write it, and as files are named.
+    pub fn name(self) -> &'static str {
+        match self {
+            Suite::Speed => "speed",
+            Suite::Radius => "radius",
+            Suite::Gather => "gather",
+        }
+    }
+
+    /// The scenes that it takes when none are named: built-in ones.
+    pub fn scenes(self) -> &'static [&'static str] {
+        match self {
+            Suite::Speed => &["gi_ref", "sphere_and_plane", "box"],
+            Suite::Radius | Suite::Gather => &["gi_ref", "sphere_and_plane"],
+        }
+    }
+
+    /// Runs it, telling how far it is.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for options that it cannot honour, [`Error::Driver`] when no backend is there, and what the
+    /// pipeline meets.
+    pub fn run(self, options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Report> {
+        let mut machine = MachineInfo::here(options.device.as_deref());
+        let measured = match self {
+            Suite::Speed => speed::run(options, progress)?,
+            Suite::Radius => radius::run(options, progress)?,
+            Suite::Gather => gather::run(options, progress)?,
+        };
+        machine.finish();
+        let Measured { settings, rows, summaries, charts } = measured;
+        Ok(Report { suite: self, machine, settings, rows, summaries, charts })
+    }
+}
+
+/// What a suite may be asked; each takes what it has a use for.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// In this order.
+    pub scenes: Vec<Scene>,
+    /// In this order; those that are not there are left out.
+    pub backends: Vec<Backend>,
+    /// Part of an OpenCL device's or platform's name.
+    pub device: Option<String>,
+    /// Threads of the CPU backend.
+    pub threads: usize,
+    /// Pixels; `None`: 640 × 480, or the reference's size.
+    pub size: Option<(u32, u32)>,
+    /// Photons of a map, one or several; empty: the suite's own.
+    pub photons: Vec<u32>,
+    /// Gather radii, metres; empty: the suite's own.
+    pub radii: Vec<f32>,
+    /// Rounds of each timing; `None`: the suite's own.
+    pub repeat: Option<u32>,
+    /// Seeds over which errors are averaged; `None`: the suite's own.
+    pub seeds: Option<u32>,
+    /// Image to measure errors against; `None`: `tests/golden/NAME.exr`.
+    pub reference: Option<PathBuf>,
+    /// Small numbers: seconds, to see that all works.
+    pub quick: bool,
+}
+
+impl Options {
+    /// A suite's number: the user's, else one of two.
+    fn or<T: Copy>(&self, wanted: Option<T>, usual: T, quick: T) -> T {
+        wanted.unwrap_or(if self.quick { quick } else { usual })
+    }
+
+    /// A suite's list: the user's, else one of two.
+    fn list<T: Copy>(&self, wanted: &[T], usual: &[T], quick: &[T]) -> Vec<T> {
+        let own = if self.quick { quick } else { usual };
+        if wanted.is_empty() { own } else { wanted }.to_vec()
+    }
+
+    fn machine(&self, backend: Option<Backend>) -> Machine {
+        Machine { backend, device: self.device.clone(), threads: self.threads, lanes: None }
+    }
+}
+
+/// How far a suite is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Progress<'a> {
+    /// Steps done.
+    pub done: u64,
+    /// Steps in all.
+    pub total: u64,
+    /// What is going on, or what the user should know ([`Progress::is_notice`]).
+    pub what: &'a str,
+    /// A fact that stays true, such as a backend that is not there.
+    pub is_notice: bool,
+}
+
+/// Counts a suite's steps.
+struct Steps<'a> {
+    progress: &'a mut dyn FnMut(Progress),
+    done: u64,
+    total: u64,
+}
+
+impl<'a> Steps<'a> {
+    fn new(progress: &'a mut dyn FnMut(Progress), total: usize) -> Steps<'a> {
+        Steps { progress, done: 0, total: total as u64 }
+    }
+
+    /// Begins a step; the one before is done.
+    fn begin(&mut self, what: &str) {
+        (self.progress)(Progress { done: self.done, total: self.total, what, is_notice: false });
+        self.done += 1;
+    }
+
+    fn notice(&mut self, what: &str) {
+        (self.progress)(Progress { done: self.done, total: self.total, what, is_notice: true });
+    }
+}
+
+/// What a suite hands back.
+struct Measured {
+    /// The numbers it ran with.
+    settings: serde_json::Value,
+    rows: Table,
+    summaries: Vec<Table>,
+    charts: Vec<(String, Chart)>,
+}
+
+/// A finished suite.
+#[derive(Clone, Debug, Serialize)]
+pub struct Report {
+    /// Which.
+    pub suite: Suite,
+    /// Where.
+    pub machine: MachineInfo,
+    /// The numbers it ran with.
+    pub settings: serde_json::Value,
+    /// All that was measured, a row each.
+    pub rows: Table,
+    /// The same for people: what should be compared stands side by side.
+    pub summaries: Vec<Table>,
+    /// Curves, under their files' names.
+    #[serde(skip)]
+    pub charts: Vec<(String, Chart)>,
+}
+
+impl Report {
+    /// For a terminal.
+    pub fn text(&self) -> String {
+        let tables: Vec<&Table> =
+            if self.summaries.is_empty() { vec![&self.rows] } else { self.summaries.iter().collect() };
+        let tables: String = tables.iter().map(|table| format!("\n{}", table.text())).collect();
+        self.machine.text() + &tables
+    }
+
+    /// Writes the rows as CSV.
+    ///
+    /// # Errors
+    /// [`Error::File`].
+    pub fn write_csv(&self, path: &Path) -> Result<()> {
+        use std::io::Write;
+        write_beside(path, |file| file.write_all(self.rows.csv().as_bytes()))
+    }
+
+    /// Writes `SUITE.csv`, `SUITE.json` and each chart as SVG and PNG into a directory, which is made where it is not
+    /// there. The files' paths.
+    ///
+    /// # Errors
+    /// [`Error::File`].
+    pub fn write_to(&self, directory: &Path) -> Result<Vec<PathBuf>> {
+        use std::io::Write;
+        make_directory(directory)?;
+        let path = |extension: &str| directory.join(format!("{}.{extension}", self.suite.name()));
+        let (csv, json) = (path("csv"), path("json"));
+        self.write_csv(&csv)?;
+        let text = serde_json::to_string_pretty(self).map_err(|e| Error::Failed(format!("JSON: {e}")))?;
+        write_beside(&json, |file| writeln!(file, "{text}"))?;
+        let mut written = vec![csv, json];
+        for (name, chart) in &self.charts {
+            let [svg, png] = ["svg", "png"].map(|extension| directory.join(format!("{name}.{extension}")));
+            chart.write_svg(&svg)?;
+            chart.write_png(&png)?;
+            written.extend([svg, png]);
+        }
+        Ok(written)
+    }
+}
+
+/// A directory that files can go to.
+///
+/// # Errors
+/// [`Error::File`] with what the system answered.
+pub fn make_directory(directory: &Path) -> Result<()> {
+    std::fs::create_dir_all(directory)
+        .map_err(|error| Error::File { path: directory.into(), what: format!("cannot make the directory: {error}") })
+}

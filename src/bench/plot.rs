@@ -1,0 +1,188 @@
+//! Curves on logarithmic axes, as SVG and PNG.
+
+use std::io::Write as _;
+use std::path::Path;
+use std::sync::Once;
+
+use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+use plotters::coord::Shift;
+use plotters::prelude::*;
+
+use crate::error::{Error, Result};
+use crate::film::write_beside;
+
+/// Pixels.
+const SIZE: (u32, u32) = (960, 600);
+
+/// Dark enough on white, and apart for colour-blind eyes too (Okabe & Ito 2008).
+const COLORS: [RGBColor; 7] = [
+    RGBColor(0, 114, 178),
+    RGBColor(213, 94, 0),
+    RGBColor(0, 158, 115),
+    RGBColor(204, 121, 167),
+    RGBColor(230, 159, 0),
+    RGBColor(86, 180, 233),
+    RGBColor(0, 0, 0),
+];
+
+/// A line through points.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Curve {
+    /// For the legend.
+    pub name: String,
+    /// x and y, both > 0.
+    pub points: Vec<(f64, f64)>,
+    /// Number of a point that is to stand out.
+    pub marked: Option<usize>,
+}
+
+/// Curves on common axes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Chart {
+    /// Above the axes.
+    pub title: String,
+    /// Quantity and unit.
+    pub x: String,
+    /// Quantity and unit.
+    pub y: String,
+    /// In the legend's order.
+    pub curves: Vec<Curve>,
+}
+
+impl Chart {
+    /// Writes it as SVG.
+    ///
+    /// # Errors
+    /// [`Error::Failed`] where no point can stand on logarithmic axes, [`Error::File`].
+    pub fn write_svg(&self, path: &Path) -> Result<()> {
+        let mut text = String::new();
+        self.draw(SVGBackend::with_string(&mut text, SIZE).into_drawing_area())?;
+        write_beside(path, |file| file.write_all(text.as_bytes()))
+    }
+
+    /// Writes it as PNG.
+    ///
+    /// # Errors
+    /// As [`Chart::write_svg`].
+    pub fn write_png(&self, path: &Path) -> Result<()> {
+        let mut pixels = vec![0; 3 * SIZE.0 as usize * SIZE.1 as usize];
+        self.draw(BitMapBackend::with_buffer(&mut pixels, SIZE).into_drawing_area())?;
+        write_beside(path, |file| {
+            let encoded = PngEncoder::new(file).write_image(&pixels, SIZE.0, SIZE.1, ExtendedColorType::Rgb8);
+            encoded.map_err(std::io::Error::other)
+        })
+    }
+
+    fn draw<B: DrawingBackend>(&self, area: DrawingArea<B, Shift>) -> Result<()> {
+        let (x, y) = (self.range(|p| p.0)?, self.range(|p| p.1)?);
+        self.draw_in(&area, x, y).map_err(|error| Error::Failed(format!("plot '{}': {error}", self.title)))
+    }
+
+    fn draw_in<B: DrawingBackend>(
+        &self,
+        area: &DrawingArea<B, Shift>,
+        x: (f64, f64),
+        y: (f64, f64),
+    ) -> std::result::Result<(), DrawingAreaErrorKind<B::ErrorType>> {
+        set_font();
+        area.fill(&WHITE)?;
+        let mut chart = ChartBuilder::on(area)
+            .caption(&self.title, ("sans-serif", 18))
+            .margin(16)
+            .x_label_area_size(48)
+            .y_label_area_size(72)
+            .build_cartesian_2d((x.0..x.1).log_scale(), (y.0..y.1).log_scale())?;
+        let label = |v: &f64| super::table::shown(*v).trim_end_matches('0').trim_end_matches('.').to_string();
+        chart
+            .configure_mesh()
+            .x_desc(&self.x)
+            .y_desc(&self.y)
+            .label_style(("sans-serif", 14))
+            .axis_desc_style(("sans-serif", 16))
+            .x_label_formatter(&label)
+            .y_label_formatter(&label)
+            .light_line_style(BLACK.mix(0.06))
+            .bold_line_style(BLACK.mix(0.15))
+            .draw()?;
+        for (curve, color) in self.curves.iter().zip(COLORS.iter().cycle()) {
+            let points: Vec<(f64, f64)> = curve.points.iter().copied().filter(is_drawable).collect();
+            chart
+                .draw_series(LineSeries::new(points.iter().copied(), color.stroke_width(2)))?
+                .label(&curve.name)
+                .legend(move |(x, y)| PathElement::new([(x, y), (x + 20, y)], color.stroke_width(2)));
+            chart.draw_series(points.iter().map(|p| Circle::new(*p, 3, color.filled())))?;
+            let marked = curve.marked.and_then(|place| curve.points.get(place)).filter(|p| is_drawable(p));
+            chart.draw_series(marked.map(|p| Circle::new(*p, 8, color.stroke_width(2))))?;
+        }
+        chart
+            .configure_series_labels()
+            .position(SeriesLabelPosition::UpperRight)
+            .background_style(WHITE.mix(0.85))
+            .border_style(BLACK.mix(0.3))
+            .label_font(("sans-serif", 14))
+            .draw()?;
+        area.present()
+    }
+
+    /// From the least to the largest, with air on both ends.
+    fn range(&self, axis: impl Fn(&(f64, f64)) -> f64) -> Result<(f64, f64)> {
+        let values: Vec<f64> =
+            self.curves.iter().flat_map(|curve| &curve.points).filter(|p| is_drawable(p)).map(axis).collect();
+        let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = values.iter().copied().fold(0.0, f64::max);
+        if values.is_empty() {
+            return Err(Error::Failed(format!("plot '{}': no point is finite and above 0", self.title)));
+        }
+        Ok((low / 1.1, high * 1.1))
+    }
+}
+
+/// Logarithms of it exist.
+fn is_drawable(point: &(f64, f64)) -> bool {
+    [point.0, point.1].iter().all(|v| v.is_finite() && *v > 0.0)
+}
+
+/// The plots' own font: systems differ, and some have none.
+fn set_font() {
+    static ONCE: Once = Once::new();
+    ONCE.call_once(|| {
+        let font = include_bytes!("../../fonts/DejaVuSans-ascii.ttf");
+        // Without it a PNG fails with the library's own message; the test below draws one.
+        let _ = plotters::style::register_font("sans-serif", FontStyle::Normal, font);
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn chart(points: Vec<(f64, f64)>) -> Chart {
+        let curve = Curve { name: "a & b".into(), points, marked: Some(1) };
+        Chart { title: "T".into(), x: "x, m".into(), y: "y".into(), curves: vec![curve] }
+    }
+
+    #[test]
+    fn files_show_the_curve() {
+        let directory = tempfile::tempdir().unwrap();
+        let [svg, png] = ["a.svg", "a.png"].map(|name| directory.path().join(name));
+        let chart = chart(vec![(0.5, 2.0), (1.0, 1.0), (f64::NAN, 1.0), (2.0, 3.0)]);
+        chart.write_svg(&svg).unwrap();
+        chart.write_png(&png).unwrap();
+        let text = std::fs::read_to_string(&svg).unwrap();
+        assert!(text.contains("x, m") && text.contains("a &amp; b"));
+        assert_eq!(text.matches("<circle").count(), 3 + 1); // the points that are finite, and the ring
+        let pixels = image::open(&png).unwrap().to_rgb8();
+        assert_eq!(pixels.dimensions(), SIZE);
+        let of_curve = pixels.pixels().filter(|p| p.0 == [0, 114, 178]).count();
+        assert!(of_curve > 500, "{of_curve} pixels of the curve"); // a line of 2 pixels across most of 960
+        let letters = pixels.rows().take(40).flatten().filter(|p| p.0[0] < 100).count();
+        assert!(letters > 10, "{letters} dark pixels where the title stands");
+    }
+
+    #[test]
+    fn nothing_to_draw_is_said() {
+        let error = chart(vec![(0.0, 1.0), (1.0, f64::INFINITY)]).write_svg(Path::new("nowhere.svg")).unwrap_err();
+        assert!(error.to_string().contains("no point"), "{error}");
+        assert!(!Path::new("nowhere.svg").exists());
+    }
+}

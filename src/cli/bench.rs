@@ -1,0 +1,164 @@
+//! `photile bench`: suites of measurements; tables on stdout, JSON, CSV.
+
+use std::io::IsTerminal as _;
+use std::path::{Path, PathBuf};
+
+use clap::ValueEnum;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use super::options::{BackendArg, Size, parse_count, parse_radius};
+use super::print_json;
+use crate::bench::{Options, Progress, Suite, make_directory, scenes};
+use crate::error::{Error, Result};
+use crate::film::check_directory;
+use crate::scene::{self, Scene};
+
+/// Measure: speed by backend, error by gather radius, candidates by cell size
+#[derive(clap::Args)]
+pub struct Args {
+    /// Scene files, or names of built-in scenes [default: the suite's own]
+    scenes: Vec<String>,
+    /// What to measure
+    #[arg(long, value_enum, default_value = "speed")]
+    suite: SuiteArg,
+    /// Which backends to measure, such as opengl,opencl; where one is enough, the first that works
+    #[arg(long, value_enum, value_delimiter = ',', default_values = ["opengl", "opencl", "cpu"])]
+    backends: Vec<BackendArg>,
+    /// Part of the name of the OpenCL device to use
+    #[arg(long, value_name = "SUBSTRING")]
+    device: Option<String>,
+    /// Threads of the CPU backend
+    #[arg(long, value_name = "T", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: u16,
+    /// Image size in pixels [default: 640x480, or the reference's]
+    #[arg(long, value_name = "WxH")]
+    size: Option<Size>,
+    /// Photons of a map, such as 20k,200k: stored ones, or paths for the radius suite [default: the suite's own]
+    #[arg(long, value_name = "N,...", value_delimiter = ',', value_parser = parse_count)]
+    photons: Vec<u32>,
+    /// Gather radii in metres [default: the suite's own]
+    #[arg(long, value_name = "R,...", value_delimiter = ',', value_parser = parse_radius)]
+    radii: Vec<f32>,
+    /// Rounds of each timing, after one to warm up; the median counts
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    repeat: Option<u32>,
+    /// Seeds over which errors are averaged
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    seeds: Option<u32>,
+    /// Image to measure errors against [default: tests/golden/SCENE.exr]
+    #[arg(long, value_name = "FILE")]
+    reference: Option<PathBuf>,
+    /// Small numbers, done in seconds
+    #[arg(long)]
+    quick: bool,
+    /// Write the measured rows as CSV
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
+    /// Write CSV, JSON and, where there are curves, plots into this directory
+    #[arg(short, long, value_name = "DIR")]
+    output: Option<PathBuf>,
+    /// Print one JSON object on stdout
+    #[arg(long)]
+    json: bool,
+}
+
+/// A suite, as on the command line.
+#[derive(ValueEnum, Clone, Copy, Debug)]
+enum SuiteArg {
+    /// Milliseconds of trace, gather, emission, grid and upload, by backend
+    Speed,
+    /// Error against a reference by gather radius
+    Radius,
+    /// Candidates tested for each photon accepted
+    Gather,
+}
+
+impl From<SuiteArg> for Suite {
+    fn from(arg: SuiteArg) -> Self {
+        match arg {
+            SuiteArg::Speed => Suite::Speed,
+            SuiteArg::Radius => Suite::Radius,
+            SuiteArg::Gather => Suite::Gather,
+        }
+    }
+}
+
+pub fn run(args: &Args) -> Result<()> {
+    let suite = Suite::from(args.suite);
+    let named: Vec<&str> = match args.scenes.is_empty() {
+        true => suite.scenes().to_vec(),
+        false => args.scenes.iter().map(String::as_str).collect(),
+    };
+    let options = Options {
+        scenes: named.into_iter().map(load).collect::<Result<_>>()?,
+        backends: args.backends.iter().map(|backend| (*backend).into()).collect(),
+        device: args.device.clone(),
+        threads: args.threads.into(),
+        size: args.size.map(|size| (size.width, size.height)),
+        photons: args.photons.clone(),
+        radii: args.radii.clone(),
+        repeat: args.repeat,
+        seeds: args.seeds,
+        reference: args.reference.clone(),
+        quick: args.quick,
+    };
+    // What cannot be written should be known before minutes are spent.
+    if let Some(csv) = &args.csv {
+        check_directory(csv)?;
+    }
+    if let Some(directory) = &args.output {
+        make_directory(directory)?;
+        check_directory(&directory.join(format!("{}.csv", suite.name())))?;
+    }
+
+    let bar = progress_bar();
+    let report = suite.run(&options, &mut |progress: Progress| {
+        if progress.is_notice {
+            bar.suspend(|| super::notice(progress.what));
+            return;
+        }
+        bar.set_length(progress.total);
+        bar.set_position(progress.done);
+        bar.set_message(progress.what.to_string());
+    })?;
+    bar.finish_and_clear();
+
+    if args.json {
+        print_json(&report);
+    } else {
+        print!("{}", report.text());
+    }
+    if let Some(csv) = &args.csv {
+        report.write_csv(csv)?;
+    }
+    if let Some(directory) = &args.output {
+        for path in report.write_to(directory)? {
+            super::notice(&format!("wrote {}", path.display()));
+        }
+    }
+    Ok(())
+}
+
+/// A scene file, or the built-in scene of that name where there is no such file.
+fn load(name: &str) -> Result<Scene> {
+    match scenes::built_in(name) {
+        _ if Path::new(name).is_file() => Ok(scene::load(Path::new(name))?),
+        Some(scene) => scene,
+        None if name.contains(['.', '/', '\\']) => Ok(scene::load(Path::new(name))?),
+        None => Err(Error::Usage(format!(
+            "scene '{name}': neither a file nor one of {}",
+            scenes::names().collect::<Vec<_>>().join(", ")
+        ))),
+    }
+}
+
+/// Steps on stderr; hidden where stderr is not a terminal.
+fn progress_bar() -> ProgressBar {
+    let target =
+        if std::io::stderr().is_terminal() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+    let bar = ProgressBar::with_draw_target(Some(1), target);
+    if let Ok(style) = ProgressStyle::with_template("{bar:40} {pos}/{len} {msg}, {elapsed} (left {eta})") {
+        bar.set_style(style);
+    }
+    bar
+}
