@@ -6,6 +6,7 @@ use std::sync::Once;
 
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use plotters::coord::Shift;
+use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
 use plotters::prelude::*;
 
 use crate::error::{Error, Result};
@@ -91,16 +92,13 @@ impl Chart {
             .margin(16)
             .x_label_area_size(48)
             .y_label_area_size(72)
-            .build_cartesian_2d((x.0..x.1).log_scale(), (y.0..y.1).log_scale())?;
-        let label = |v: &f64| super::table::shown(*v).trim_end_matches('0').trim_end_matches('.').to_string();
+            .build_cartesian_2d(LogAxis(x.0, x.1), LogAxis(y.0, y.1))?;
         chart
             .configure_mesh()
             .x_desc(&self.x)
             .y_desc(&self.y)
             .label_style(("sans-serif", 14))
             .axis_desc_style(("sans-serif", 16))
-            .x_label_formatter(&label)
-            .y_label_formatter(&label)
             .light_line_style(BLACK.mix(0.06))
             .bold_line_style(BLACK.mix(0.15))
             .draw()?;
@@ -134,6 +132,41 @@ impl Chart {
             return Err(Error::Failed(format!("plot '{}': no point is finite and above 0", self.title)));
         }
         Ok((low / 1.1, high * 1.1))
+    }
+}
+
+/// From the first to the second value. The library's own logarithmic axis has a label or two in a decade.
+struct LogAxis(f64, f64);
+
+impl Ranged for LogAxis {
+    type FormatOption = NoDefaultFormatting;
+    type ValueType = f64;
+
+    fn map(&self, value: &f64, limit: (i32, i32)) -> i32 {
+        let share = (value / self.0).ln() / (self.1 / self.0).ln();
+        limit.0 + (share * f64::from(limit.1 - limit.0)).round() as i32
+    }
+
+    /// 1, 2, 5 times each power of ten where there is room, else the powers alone, every so many of them.
+    fn key_points<H: KeyPointHint>(&self, hint: H) -> Vec<f64> {
+        let powers = self.0.log10().floor() as i32..=self.1.log10().ceil() as i32;
+        let of = |steps: &[f64], every: usize| -> Vec<f64> {
+            let all = powers.clone().step_by(every).flat_map(|power| steps.iter().map(move |s| s * 10f64.powi(power)));
+            all.filter(|point| (self.0..=self.1).contains(point)).collect()
+        };
+        let room = hint.max_num_points().min(12);
+        let finest = [of(&[1.0, 2.0, 5.0], 1), of(&[1.0], 1)].into_iter().find(|points| points.len() <= room);
+        finest.unwrap_or_else(|| of(&[1.0], powers.clone().count().div_ceil(room.max(1))))
+    }
+
+    fn range(&self) -> std::ops::Range<f64> {
+        self.0..self.1
+    }
+}
+
+impl ValueFormatter<f64> for LogAxis {
+    fn format(value: &f64) -> String {
+        if (1e-4..1e6).contains(value) { format!("{}", (value * 1e6).round() / 1e6) } else { format!("{value:e}") }
     }
 }
 
@@ -177,6 +210,17 @@ mod tests {
         assert!(of_curve > 500, "{of_curve} pixels of the curve"); // a line of 2 pixels across most of 960
         let letters = pixels.rows().take(40).flatten().filter(|p| p.0[0] < 100).count();
         assert!(letters > 10, "{letters} dark pixels where the title stands");
+    }
+
+    #[test]
+    fn axes_have_round_labels() {
+        let room = |axis: LogAxis| axis.key_points(plotters::coord::ranged1d::LightPoints::new(1000, 1000));
+        let labels = |axis| room(axis).iter().map(<LogAxis as ValueFormatter<f64>>::format).collect::<Vec<_>>();
+        assert_eq!(labels(LogAxis(0.23, 3.1)), ["0.5", "1", "2"]);
+        assert_eq!(labels(LogAxis(0.9e-3, 0.011)), ["0.001", "0.002", "0.005", "0.01"]);
+        let wide = room(LogAxis(1e-20, 1e20));
+        assert!((4..=12).contains(&wide.len()), "{wide:?}");
+        assert_eq!(LogAxis(0.1, 10.0).map(&1.0, (0, 100)), 50);
     }
 
     #[test]

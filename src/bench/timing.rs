@@ -40,7 +40,7 @@ impl Samples {
 }
 
 /// Runs that take longer than this while warming up, milliseconds, make [`FEW`] rounds only.
-const LONG: f64 = 1000.0;
+const LONG: f64 = 300.0;
 
 /// Enough for a median that one disturbed run cannot move.
 const FEW: u32 = 3;
