@@ -179,7 +179,7 @@ fn is_drawable(point: &(f64, f64)) -> bool {
 fn set_font() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
-        let font = include_bytes!("../../fonts/DejaVuSans-ascii.ttf");
+        let font = include_bytes!("fonts/DejaVuSans-ascii.ttf");
         // Without it a PNG fails with the library's own message; the test below draws one.
         let _ = plotters::style::register_font("sans-serif", FontStyle::Normal, font);
     });
