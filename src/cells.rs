@@ -85,7 +85,7 @@ pub struct Plan {
 
 /// Whether u and v are exchanged on an object's faces: planes across x have one or two cells along x only, and rows
 /// should be long.
-fn flipped(object: &Object) -> bool {
+pub(crate) fn flipped(object: &Object) -> bool {
     let [x, y, z] = object.anchor.map(f32::abs);
     object.kind == PLANE && x > y.max(z)
 }
@@ -188,8 +188,7 @@ pub fn plan(
         cell,
         inverse_cell,
         bucket_mask: if hashed { (cells - 1) as f32 } else { 0.0 },
-        nearest: 0.0,
-        reserved: 0.0,
+        ..Gather::default()
     };
     Ok(Plan { hashed, cells, faces, gather })
 }

@@ -35,6 +35,7 @@ pub mod gathering;
 pub mod metrics;
 pub mod pack;
 pub mod source;
+pub mod tiling;
 
 pub mod scene;
 pub mod settings;

@@ -16,10 +16,11 @@ use crate::gl::Headless;
 use crate::pack::Packed;
 use crate::radius;
 use crate::scene::Scene;
-use crate::settings::{Backend, LightMode, Settings};
+use crate::settings::{Backend, LightMode, Method, Settings};
 use crate::stage::grid::Wanted;
 use crate::stage::map::{MapCounts, MapStage};
 use crate::stage::trace::{ClTrace, CpuTrace, GlTrace, Permutation, Trace};
+use crate::tiling;
 
 /// Where a picture shall be made.
 #[derive(Clone, Debug)]
@@ -47,6 +48,8 @@ pub struct Times {
     pub emit: f64,
     /// Photons into cells.
     pub grid: f64,
+    /// Photons into screen-space tiles.
+    pub tiles: f64,
     /// Scene records, and the photon map, to where they are read.
     pub upload: f64,
     /// Rays, shading, gathering.
@@ -187,6 +190,7 @@ impl Pipeline {
         times.upload = lap.ms();
 
         let frame = packed.frame(&scene.camera, settings);
+        let method = settings.gather.method;
         let mut gathering = None;
         let mut uploads = 0;
         if wants_photons {
@@ -204,17 +208,22 @@ impl Pipeline {
                     Some(radius) => radius,
                     None => radius::choose(&tables, &frame, &self.map.sample(radius::SAMPLE)?, stored),
                 };
-                let size = match settings.gather.cells {
-                    Some(counts) => CellSize::Counts(counts),
-                    None if self.backend == Backend::OpenGl => CellSize::PerRadius(CELLS_PER_RADIUS_ALONE),
-                    None => CellSize::Auto,
-                };
-                let nearest = settings.gather.nearest;
-                grid = (radius, self.map.sort(&Wanted { radius, size, form: Form::Auto, nearest })?);
+                // Tiles take photons as they were stored.
+                if method.is_tiled() {
+                    grid = (radius, false);
+                } else {
+                    grid = (radius, self.map.sort(&grid_wanted(settings, radius, self.backend))?);
+                }
                 times.grid = lap.ms();
             }
+            if method.is_tiled() && stale(Stage::Tiles) {
+                let tile = settings.gather.tile.unwrap_or(tiling::TILE);
+                let cells = method == Method::TiledGrid;
+                self.map.tile(&frame, &features, &tiling::Wanted { radius: grid.0, tile, cells })?;
+                times.tiles = lap.ms();
+            }
             gathering = Some(Gathering {
-                method: settings.gather.method,
+                method,
                 kernel: settings.gather.kernel,
                 hashed: grid.1,
                 ..Gathering::of(&packed.objects, packed.sphere_count, is_divided(scene))
@@ -230,6 +239,10 @@ impl Pipeline {
             uploads = self.tracer.upload_map(view, gathering)?;
             times.upload += lap.ms();
         }
+        if let (true, Some(view)) = (wants_photons && method.is_tiled() && stale(Stage::Tiles), &view) {
+            uploads += self.tracer.upload_tiles(view)?;
+            times.upload += lap.ms();
+        }
         if stale(Stage::Trace) {
             self.tracer.trace(&frame, view.as_ref())?;
             times.trace = lap.ms();
@@ -238,8 +251,10 @@ impl Pipeline {
         times.readback = lap.ms();
         times.total = start.elapsed().as_secs_f64() * 1e3;
 
-        let of_photons = [Stage::Photons, Stage::Grid, Stage::Textures];
-        let done = |stage: &Stage| stale(*stage) && (wants_photons || !of_photons.contains(stage));
+        let of_photons = [Stage::Photons, Stage::Grid, Stage::Tiles, Stage::Textures];
+        let unwanted = if method.is_tiled() { Stage::Grid } else { Stage::Tiles };
+        let wanted = |stage: &Stage| !of_photons.contains(stage) || wants_photons && *stage != unwanted;
+        let done = |stage: &Stage| stale(*stage) && wanted(stage);
         let skipped = Stage::ALL.into_iter().filter(|stage| !done(stage)).collect();
         let radius = wants_photons.then_some(grid.0);
         self.last = Some(Last { scene: scene.clone(), settings: settings.clone(), features, packed, photons, grid });
@@ -281,6 +296,16 @@ impl Pipeline {
             .and(Change::GATHER.when(was.gather != settings.gather))
             .and(Change::FEATURES.when(last.features != Features::of(scene, settings)))
     }
+}
+
+/// The grid that these settings ask for.
+fn grid_wanted(settings: &Settings, radius: f32, backend: Backend) -> Wanted {
+    let size = match settings.gather.cells {
+        Some(counts) => CellSize::Counts(counts),
+        None if backend == Backend::OpenGl => CellSize::PerRadius(CELLS_PER_RADIUS_ALONE),
+        None => CellSize::Auto,
+    };
+    Wanted { radius, size, form: Form::Auto, nearest: settings.gather.nearest }
 }
 
 /// What one pass emits at these settings.

@@ -81,12 +81,13 @@ pub fn run(args: &Args) -> Result<()> {
         notice(&format!("{} paths emitted, {} photons stored, radius {radius:.4} m", photons.emitted, photons.stored));
     }
     notice(&format!(
-        "{} in {:.1} ms (compile {:.1}, emit {:.1}, grid {:.1}, upload {:.1}, trace {:.1}, readback {:.1})",
+        "{} in {:.1} ms (compile {:.1}, emit {:.1}, grid {:.1}, tiles {:.1}, upload {:.1}, trace {:.1}, readback {:.1})",
         output.display(),
         times.total,
         times.compile,
         times.emit,
         times.grid,
+        times.tiles,
         times.upload,
         times.trace,
         times.readback
