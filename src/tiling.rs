@@ -90,7 +90,10 @@ pub fn plan(objects: &[Object], frame: &Frame, mut seen: Vec<Seen>, photons: usi
         // Wider than photons on the list may lie away (`enter` in tiles.cl).
         let grow = wanted.radius * 1.001 + 1e-5 * size;
         let extent = [0, 1, 2].map(|axis| high[axis] - low[axis] + 2.0 * grow);
-        let [cell, along] = if wanted.cells { cells_of(extent, wanted.radius, affordable) } else { [extent, [1.0; 3]] };
+        // An axis-aligned plane is flat, and so are its photons: cells across it would be empty rows.
+        let flat = [0, 1, 2].map(|axis| high[axis] - low[axis] < FLAT * wanted.radius);
+        let [cell, along] =
+            if wanted.cells { cells_of(extent, flat, wanted.radius, affordable) } else { [extent, [1.0; 3]] };
         let flip = flipped(&objects[face as usize / 2]);
         let axes = if flip { [1, 0, 2] } else { [0, 1, 2] };
         regions.push(Region {
@@ -121,13 +124,17 @@ pub fn plan(objects: &[Object], frame: &Frame, mut seen: Vec<Seen>, photons: usi
 /// Cells of one region at most.
 const MAX_CELLS: usize = 1 << 12;
 
-/// Sizes and numbers of a region's cells along x, y, z: as the grid's, but never more than `affordable`.
-fn cells_of(extent: [f32; 3], radius: f32, affordable: usize) -> [[f32; 3]; 2] {
+/// A region thinner than this, in radii, is one cell thick.
+const FLAT: f32 = 0.1;
+
+/// Sizes and numbers of a region's cells along x, y, z: as the grid's, but never more than `affordable`, and one along
+/// an axis across which the region is flat.
+fn cells_of(extent: [f32; 3], flat: [bool; 3], radius: f32, affordable: usize) -> [[f32; 3]; 2] {
     let mut size = radius / CELLS_PER_RADIUS;
     loop {
-        let along = extent.map(|e| (e / size).ceil().max(1.0));
+        let along = [0, 1, 2].map(|axis| if flat[axis] { 1.0 } else { (extent[axis] / size).ceil().max(1.0) });
         if along.iter().product::<f32>() <= affordable as f32 {
-            return [[size; 3], along];
+            return [[0, 1, 2].map(|axis| if flat[axis] { extent[axis] } else { size }), along];
         }
         size *= 1.25;
     }
@@ -184,7 +191,7 @@ mod tests {
             assert_eq!((floor.face, floor.low, floor.high), (0.0, [-1.0, 0.0, 0.0], [1.0, 0.0, 3.0]));
             assert_eq!((wall.face, wall.flipped), (2.0, 1.0));
             if cells {
-                assert_eq!(floor.counts, [13.0, 5.0, 17.0], "half a radius wide, the radius around");
+                assert_eq!(floor.counts, [13.0, 1.0, 17.0], "half a radius wide, the radius around");
             } else {
                 assert_eq!(plan.cells, 3);
             }

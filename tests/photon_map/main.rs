@@ -3,6 +3,7 @@
 mod gathered;
 mod queries;
 mod tables;
+mod tiles;
 mod timings;
 
 use std::ops::Deref;
