@@ -16,6 +16,8 @@
 pub mod cli;
 
 pub mod pipeline;
+
+pub mod choice;
 pub mod radius;
 pub mod reference;
 pub mod validate;

@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use crate::cells::{CELLS_PER_RADIUS_ALONE, CellSize, Form};
 use crate::change::{Change, Stage, is_stale};
+use crate::choice::{self, Question};
 use crate::cl;
 use crate::cpu::scene::SceneTables;
 use crate::emission::Emission;
@@ -13,10 +14,11 @@ use crate::features::{Features, is_divided};
 use crate::film::Image;
 use crate::gathering::Gathering;
 use crate::gl::Headless;
+use crate::layout::Frame;
 use crate::pack::Packed;
 use crate::radius;
 use crate::scene::Scene;
-use crate::settings::{Backend, LightMode, Method, Settings};
+use crate::settings::{Backend, Gather, LightMode, Method, Settings};
 use crate::stage::grid::Wanted;
 use crate::stage::map::{MapCounts, MapStage};
 use crate::stage::trace::{ClTrace, CpuTrace, GlTrace, Permutation, Trace};
@@ -79,6 +81,8 @@ pub struct Rendering {
     pub skipped: Vec<Stage>,
     /// The photon map, where there is one.
     pub photons: Option<MapCounts>,
+    /// How photons were gathered, where there are any.
+    pub method: Option<Method>,
     /// Gather radius, metres, where there are photons.
     pub radius: Option<f32>,
     /// Tables of the photon map that were moved for this picture.
@@ -92,8 +96,18 @@ struct Last {
     features: Features,
     packed: Packed,
     photons: Option<MapCounts>,
-    /// R and whether the grid is hashed.
-    grid: (f32, bool),
+    chosen: Chosen,
+}
+
+/// What was chosen for a map where the settings leave it open. It stands until the map changes.
+#[derive(Clone, Copy, Debug, Default)]
+struct Chosen {
+    /// R, metres.
+    radius: f32,
+    /// The grid is hashed.
+    hashed: bool,
+    method: Method,
+    tile: [u32; 2],
 }
 
 /// A backend with a scene on it.
@@ -179,18 +193,17 @@ impl Pipeline {
         let last = self.last.take();
         let origin = last.as_ref().map_or(scene.camera.position, |last| last.packed.origin);
         let mut lap = Lap::new();
-        let (packed, mut photons, mut grid) = match last {
-            Some(last) if !stale(Stage::Upload) => (last.packed, last.photons, last.grid),
+        let (packed, mut photons, mut chosen) = match last {
+            Some(last) if !stale(Stage::Upload) => (last.packed, last.photons, last.chosen),
             _ => {
                 let packed = Packed::new(scene, origin);
                 self.tracer.upload(&packed)?;
-                (packed, None, (0.0, false))
+                (packed, None, Chosen::default())
             }
         };
         times.upload = lap.ms();
 
         let frame = packed.frame(&scene.camera, settings);
-        let method = settings.gather.method;
         let mut gathering = None;
         let mut uploads = 0;
         if wants_photons {
@@ -208,24 +221,23 @@ impl Pipeline {
                     Some(radius) => radius,
                     None => radius::choose(&tables, &frame, &self.map.sample(radius::SAMPLE)?, stored),
                 };
+                chosen = self.choose(settings, radius, &tables, &frame, stored)?;
                 // Tiles take photons as they were stored.
-                if method.is_tiled() {
-                    grid = (radius, false);
-                } else {
-                    grid = (radius, self.map.sort(&grid_wanted(settings, radius, self.backend))?);
+                if !chosen.method.is_tiled() {
+                    chosen.hashed = self.map.sort(&grid_wanted(settings, radius, self.backend))?;
                 }
                 times.grid = lap.ms();
             }
-            if method.is_tiled() && stale(Stage::Tiles) {
-                let tile = settings.gather.tile.unwrap_or(tiling::TILE);
-                let cells = method == Method::TiledGrid;
-                self.map.tile(&frame, &features, &tiling::Wanted { radius: grid.0, tile, cells })?;
+            if chosen.method.is_tiled() && stale(Stage::Tiles) {
+                let cells = chosen.method == Method::TiledGrid;
+                let wanted = tiling::Wanted { radius: chosen.radius, tile: chosen.tile, cells };
+                self.map.tile(&frame, &features, &wanted)?;
                 times.tiles = lap.ms();
             }
             gathering = Some(Gathering {
-                method,
+                method: chosen.method,
                 kernel: settings.gather.kernel,
-                hashed: grid.1,
+                hashed: chosen.hashed,
                 ..Gathering::of(&packed.objects, packed.sphere_count, is_divided(scene))
             });
         }
@@ -239,7 +251,7 @@ impl Pipeline {
             uploads = self.tracer.upload_map(view, gathering)?;
             times.upload += lap.ms();
         }
-        if let (true, Some(view)) = (wants_photons && method.is_tiled() && stale(Stage::Tiles), &view) {
+        if let (true, Some(view)) = (wants_photons && chosen.method.is_tiled() && stale(Stage::Tiles), &view) {
             uploads += self.tracer.upload_tiles(view)?;
             times.upload += lap.ms();
         }
@@ -252,13 +264,14 @@ impl Pipeline {
         times.total = start.elapsed().as_secs_f64() * 1e3;
 
         let of_photons = [Stage::Photons, Stage::Grid, Stage::Tiles, Stage::Textures];
-        let unwanted = if method.is_tiled() { Stage::Grid } else { Stage::Tiles };
+        let unwanted = if chosen.method.is_tiled() { Stage::Grid } else { Stage::Tiles };
         let wanted = |stage: &Stage| !of_photons.contains(stage) || wants_photons && *stage != unwanted;
         let done = |stage: &Stage| stale(*stage) && wanted(stage);
         let skipped = Stage::ALL.into_iter().filter(|stage| !done(stage)).collect();
-        let radius = wants_photons.then_some(grid.0);
-        self.last = Some(Last { scene: scene.clone(), settings: settings.clone(), features, packed, photons, grid });
-        Ok(Rendering { image, times, skipped, photons, radius, uploads })
+        let radius = wants_photons.then_some(chosen.radius);
+        self.last = Some(Last { scene: scene.clone(), settings: settings.clone(), features, packed, photons, chosen });
+        let method = wants_photons.then_some(chosen.method);
+        Ok(Rendering { image, times, skipped, photons, method, radius, uploads })
     }
 
     /// Traces the same picture again and tells the milliseconds it took: for timings, apart from all else.
@@ -274,6 +287,28 @@ impl Pipeline {
         let mut lap = Lap::new();
         self.tracer.trace(&last.packed.frame(&scene.camera, settings), view.as_ref())?;
         Ok(lap.ms())
+    }
+
+    /// Settles what the settings leave open about a new map's gathering.
+    fn choose(
+        &self,
+        settings: &Settings,
+        radius: f32,
+        tables: &SceneTables,
+        frame: &Frame,
+        stored: u64,
+    ) -> Result<Chosen> {
+        let Gather { method, tile, cells, .. } = settings.gather;
+        let asked = Chosen { radius, hashed: false, method, tile: tile.unwrap_or(tiling::TILE) };
+        // Who asks for cells asks for a grid.
+        if method != Method::Auto || cells.is_some() {
+            let method = if method == Method::Auto { Method::Grid } else { method };
+            return Ok(Chosen { method, ..asked });
+        }
+        let question = Question { stored, radius, tile, alone: self.backend == Backend::OpenGl };
+        let estimates = choice::estimates(tables, frame, &self.map.sample(radius::SAMPLE)?, &question);
+        let Some(best) = estimates.first() else { return Ok(Chosen { method: Method::Grid, ..asked }) };
+        Ok(Chosen { method: best.method, tile: best.tile.unwrap_or(asked.tile), ..asked })
     }
 
     /// Bytes held on the device.
@@ -309,7 +344,7 @@ fn grid_wanted(settings: &Settings, radius: f32, backend: Backend) -> Wanted {
 }
 
 /// What one pass emits at these settings.
-fn emission(settings: &Settings) -> Emission {
+pub(crate) fn emission(settings: &Settings) -> Emission {
     Emission {
         amount: settings.photons.amount,
         seed: settings.seed,

@@ -43,6 +43,8 @@ impl Backend {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
+    /// Whichever of grid, tiles and tiled grid should be the fastest.
+    Auto,
     /// The cells around the point.
     #[default]
     Grid,
@@ -60,6 +62,7 @@ impl Method {
     /// As users write it.
     pub fn name(self) -> &'static str {
         match self {
+            Method::Auto => "auto",
             Method::Grid => "grid",
             Method::Tiles => "tiles",
             Method::TiledGrid => "tiled-grid",
@@ -190,7 +193,7 @@ impl Default for Settings {
             light: LightMode::default(),
             photons: Photons { amount: Amount::Paths(200_000), pass: 0, sampler: Sampler::default() },
             gather: Gather {
-                method: Method::default(),
+                method: Method::Auto,
                 kernel: DensityKernel::default(),
                 radius: None,
                 nearest: 50,

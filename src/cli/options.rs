@@ -28,7 +28,7 @@ pub struct RenderOptions {
     /// Image size in pixels, such as 640x480
     #[arg(long, value_name = "WxH")]
     pub size: Option<Size>,
-    /// How photons are found around a point
+    /// How photons are found around a point [default: grid, tiles or tiled-grid, whichever should be the fastest]
     #[arg(long, value_enum)]
     pub gather: Option<GatherArg>,
     /// Paths emitted per pass, such as 200k or 1M
@@ -221,6 +221,7 @@ impl RenderOptions {
         let stored = self.stored.map(Amount::Stored);
         let paths = self.photons.or(scene.render.photons.map(|n| n.min(u64::from(u32::MAX)) as u32)).map(Amount::Paths);
         let method = self.gather.map(Method::from).or(match scene.render.gather.as_deref() {
+            Some("grid") => Some(Method::Grid),
             Some("tiles") => Some(Method::Tiles),
             Some("tiled-grid") => Some(Method::TiledGrid),
             Some("knn") => Some(Method::Knn),
@@ -248,7 +249,7 @@ impl RenderOptions {
                 ..default.photons
             },
             gather: Gather {
-                method: method.unwrap_or_default(),
+                method: method.unwrap_or(default.gather.method),
                 kernel: kernel.unwrap_or_default(),
                 radius: self.radius.or(scene.render.radius.map(|r| r as f32)),
                 nearest: self.k,

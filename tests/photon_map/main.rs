@@ -3,6 +3,7 @@
 mod gathered;
 mod queries;
 mod tables;
+mod tile_timings;
 mod tiles;
 mod timings;
 

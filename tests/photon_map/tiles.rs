@@ -195,7 +195,7 @@ fn device_and_twin_make_the_same_lists_and_see_the_same() {
     }
 }
 
-fn scene(name: &str) -> Scene {
+pub fn scene(name: &str) -> Scene {
     load(format!("{}/scenes/{name}.toml", env!("CARGO_MANIFEST_DIR")).as_ref()).unwrap()
 }
 
