@@ -22,7 +22,7 @@ pub struct Question {
     pub radius: f32,
     /// Tiles of this size only, pixels.
     pub tile: Option<[u32; 2]>,
-    /// Every pixel gathers alone, as fragments do, not 16 together.
+    /// Every pixel gathers alone, as fragments do, and the CPU, not 16 together.
     pub alone: bool,
 }
 
@@ -41,25 +41,58 @@ pub struct Estimate {
     pub cost: f64,
 }
 
-// Costs in units of one candidate of a dense grid, 0.25 ns here. Measured on gi_ref and sphere_and_plane, 640 × 480,
-// 2k to 200k photons, R from 0.74 to 1.8, tiles of 16 to 80 pixels, PoCL on two cores; GL's ratios are alike.
-/// A candidate of the hashed grid, whose cell is looked at too.
-const HASHED: f64 = 2.0;
-/// A candidate of a tile: its number is fetched first, and its neighbours in the list lie anywhere.
-const LISTED: f64 = 1.8;
-/// A run of cells.
-const RUN: f64 = 18.0;
-/// Sorting a photon into the grid.
-const SORTED: f64 = 400.0;
-/// Looking at a photon for its tiles, and each entry that comes of it.
-const PROJECTED: f64 = 600.0;
-const ENTERED: f64 = 680.0;
-/// A primary ray of the pass that looks what tiles see, and the way to a region.
-const SEEN: f64 = 50.0;
-/// The grid's candidates for an accepted photon, and its runs for a query on a plane and elsewhere: of one pixel with
-/// cells of R/3, and of 16 together with cells of R/2 (`cells.rs`).
-const ALONE: (f64, f64, f64) = (1.55, 7.0, 35.0);
-const TOGETHER: (f64, f64, f64) = (2.2, 5.0, 25.0);
+/// What things cost, in units of one candidate of a dense grid.
+///
+/// Measured on gi_ref and sphere_and_plane, 2k to 200k stored photons, R from 0.74 to 1.8 m, tiles of 16 to 80 pixels,
+/// on PoCL (640 × 480) and llvmpipe (160 × 120) on two cores: a unit is about 0.25 ns there, and 5 ns in a fragment.
+struct Costs {
+    /// A candidate of the hashed grid, whose cell is looked at too.
+    hashed: f64,
+    /// A candidate of a tile's list: its number is fetched first, and its photon may lie anywhere.
+    listed: f64,
+    /// The same in a tile's cells, whose photons the next pixels ask for again.
+    celled: f64,
+    /// A run of cells.
+    run: f64,
+    /// Sorting a photon into the grid.
+    sorted: f64,
+    /// Looking at a photon for its tiles.
+    projected: f64,
+    /// Each entry that comes of it.
+    entered: f64,
+    /// A primary ray that looks what tiles see, and the way to a region.
+    seen: f64,
+    /// The grid's candidates for an accepted photon (`cells.rs`).
+    per_accepted: f64,
+    /// The grid's runs for a query on a plane, and elsewhere.
+    runs: [f64; 2],
+}
+
+const ALONE: Costs = Costs {
+    hashed: 6.0,
+    listed: 7.0,
+    celled: 3.0,
+    run: 8.0,
+    sorted: 20.0,
+    projected: 30.0,
+    entered: 34.0,
+    seen: 2.5,
+    per_accepted: 1.55,
+    runs: [7.0, 35.0],
+};
+
+const TOGETHER: Costs = Costs {
+    hashed: 1.7,
+    listed: 1.8,
+    celled: 2.2,
+    run: 18.0,
+    sorted: 400.0,
+    projected: 600.0,
+    entered: 680.0,
+    seen: 50.0,
+    per_accepted: 2.2,
+    runs: [5.0, 25.0],
+};
 
 /// What each method would take, the cheapest first.
 ///
@@ -84,22 +117,22 @@ pub fn estimates(scene: &SceneTables, frame: &Frame, sample: &Sample, question: 
         points.into_iter().map(|(p, (object, side))| (p, 2 * object + usize::from(side < 0.0))).collect();
     let mean = |sum: f64| sum / points.len().max(1) as f64;
 
-    let (per_accepted, flat_runs, other_runs) = if alone { ALONE } else { TOGETHER };
+    let costs = if alone { ALONE } else { TOGETHER };
     let [mut candidates, mut runs] = [0.0; 2];
     for &(p, face) in &points {
         let object = &scene.objects[face / 2];
         let flat = object.kind == PLANE && Vec3::from(object.anchor).abs().max_element() > 0.999;
-        candidates += within(p, face, radius) * per_accepted;
-        runs += if flat { flat_runs } else { other_runs };
+        candidates += within(p, face, radius) * costs.per_accepted;
+        runs += costs.runs[usize::from(!flat)];
     }
-    let hashed = if is_hashed(scene, sample, stored, radius) { HASHED } else { 1.0 };
+    let hashed = if is_hashed(scene, sample, stored, radius) { costs.hashed } else { 1.0 };
     let stored = stored as f64;
     let mut all = vec![Estimate {
         method: Method::Grid,
         tile: None,
         candidates: mean(candidates),
         entries: stored,
-        cost: each * hashed * (candidates + runs * RUN) + stored * SORTED,
+        cost: each * (candidates * hashed + runs * costs.run) + stored * costs.sorted,
     }];
     for size in tile.as_ref().map_or(&SIZES[..], std::slice::from_ref) {
         let (across, down) = (frame.width / size[0] as f32, frame.height / size[1] as f32);
@@ -118,14 +151,14 @@ pub fn estimates(scene: &SceneTables, frame: &Frame, sample: &Sample, question: 
         // Tiles see one face and some of another.
         let tiles = f64::from(across.ceil() * down.ceil()) * points.len() as f64 / crate::radius::RASTER as f64;
         let entries = 1.2 * tiles * mean(listed);
-        let build = stored * PROJECTED + entries * ENTERED + pixels * SEEN;
+        let build = stored * costs.projected + entries * costs.entered + pixels * costs.seen;
         let mut add = |method, seen: f64, gather: f64| {
             let cost = build + each * gather;
             all.push(Estimate { method, tile: Some(*size), candidates: mean(seen), entries, cost });
         };
-        add(Method::Tiles, listed, listed * LISTED);
+        add(Method::Tiles, listed, listed * costs.listed);
         let seen = candidates.min(listed);
-        add(Method::TiledGrid, seen, seen * LISTED + runs * RUN);
+        add(Method::TiledGrid, seen, seen * costs.celled + runs * costs.run);
     }
     all.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     all

@@ -305,7 +305,7 @@ impl Pipeline {
             let method = if method == Method::Auto { Method::Grid } else { method };
             return Ok(Chosen { method, ..asked });
         }
-        let question = Question { stored, radius, tile, alone: self.backend == Backend::OpenGl };
+        let question = Question { stored, radius, tile, alone: self.backend != Backend::OpenCl };
         let estimates = choice::estimates(tables, frame, &self.map.sample(radius::SAMPLE)?, &question);
         let Some(best) = estimates.first() else { return Ok(Chosen { method: Method::Grid, ..asked }) };
         Ok(Chosen { method: best.method, tile: best.tile.unwrap_or(asked.tile), ..asked })

@@ -266,3 +266,17 @@ fn what_scatters_nothing_has_no_regions() {
     let seen = tiles_seen(&SceneTables::new(&packed, &FEATURES), &frame, [8, 8]);
     assert!(!seen.is_empty() && seen.iter().all(|seen| seen.face >= 8));
 }
+
+#[test]
+fn the_choice_goes_with_the_map() {
+    let machine = Machine { backend: Some(Backend::Cpu), ..Machine::default() };
+    let mut pipeline = Pipeline::open(&machine, |_| {}).unwrap();
+    let mut chosen = |name: &str| {
+        let Settings { gather, .. } = settings(Method::Auto, [16, 16], 1);
+        let settings = Settings { gather: Gather { tile: None, ..gather }, ..settings(Method::Auto, [16, 16], 1) };
+        pipeline.render(&scene(name), &settings).unwrap().method
+    };
+    // A closed room's dense grid costs least; an infinite plane's hashed one is dear where every pixel gathers alone.
+    assert_eq!(chosen("gi_ref"), Some(Method::Grid));
+    assert!(chosen("sphere_and_plane").is_some_and(Method::is_tiled));
+}
