@@ -177,7 +177,9 @@ __kernel void tiles_count(__global const float *frame, __global const float *gat
     int end = min((item + 1) * per_item, count);
     uint entered = 0u;
     for (int i = item * per_item; i < end; i++)
-        entered += enter(i, frame, gather, tiles, regions, photon_positions, photon_surfaces, tiles_down, 0, 0, 0u);
+        // Saturated: the host refuses what is far too many.
+        entered = add_sat(entered, enter(i, frame, gather, tiles, regions, photon_positions, photon_surfaces,
+                                         tiles_down, 0, 0, 0u));
     counts[item] = entered;
 }
 

@@ -234,7 +234,7 @@ impl TileStage {
 
         // How many regions each run of photons enters, and in all.
         let (items, per_item) = share(context, photons.count);
-        fit(context, &mut self.counts, items + 1)?;
+        fit(context, &mut self.counts, items)?;
         let common: [Arg; 7] = [
             (&self.frame).into(),
             (&tiles.gather).into(),
@@ -245,12 +245,15 @@ impl TileStage {
             (plan.size[1] as i32).into(),
         ];
         let run: [Arg; 2] = [(photons.count as i32).into(), (per_item as i32).into()];
-        // One run more, which is empty: the scan puts the sum of all there.
         let args = [&common[..], &[(&self.counts).into(), run[0], run[1]]].concat();
-        context.launch(&self.count, &args, &[items + 1], None)?;
-        self.scan.exclusive(context, &self.counts, items + 1)?;
-        let pairs = self.counts.get(context, items)? as usize;
-        check_pairs(pairs as u64, &plan)?;
+        context.launch(&self.count, &args, &[items], None)?;
+        let mut counts = vec![0u32; items];
+        self.counts.read(context, &mut counts)?;
+        // In 64 bits: what is refused may not fit into the scan's 32.
+        let pairs = counts.iter().map(|count| u64::from(*count)).sum();
+        check_pairs(pairs, &plan)?;
+        let pairs = pairs as usize;
+        self.scan.exclusive(context, &self.counts, items)?;
 
         // The pairs, sorted by cell.
         fit(context, &mut self.pair_photons, pairs)?;

@@ -147,7 +147,7 @@ fn slopes_bound_every_point_of_a_disc() {
         let (across, depth) = (random.uniform(-4.0, 4.0), random.uniform(-3.0, 6.0));
         let [low, high] = slopes(across, depth, radius);
         for _ in 0..50 {
-            let (angle, r) = (random.uniform(0.0, 6.2831), radius * random.uniform(0.0, 1.0).sqrt());
+            let (angle, r) = (random.uniform(0.0, std::f32::consts::TAU), radius * random.uniform(0.0, 1.0).sqrt());
             let (x, z) = (across + r * angle.cos(), depth + r * angle.sin());
             assert!(z <= 1e-6 || (low <= x / z && x / z <= high), "{x}/{z} outside {low} … {high}");
         }
