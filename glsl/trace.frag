@@ -10,6 +10,7 @@
 #include "shared/direct.glsl"
 #include "shared/kernel.glsl"
 #include "shared/cell.glsl"
+#include "shared/tile.glsl"
 #include "shared/gather.glsl"
 #include "shared/pixel.glsl"
 

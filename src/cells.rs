@@ -52,6 +52,10 @@ pub enum CellSize {
     Auto,
     /// R divided by this.
     PerRadius(f32),
+    /// For queries that walk alone: R divided by [`CELLS_PER_RADIUS_ALONE`], or coarser cells where those would have to
+    /// be hashed. In a fragment shader a hashed row costs five times a dense one (gi_ref at R = 0.1 on llvmpipe: 2.2 s
+    /// a frame hashed at R/3, 0.3 s dense at R/2).
+    Alone,
     /// Along x, y, z; metres.
     Metres([f32; 3]),
     /// So many cells along x, y, z of the box of all photons, as `--grid NXxNYxNZ` asks for.
@@ -85,7 +89,7 @@ pub struct Plan {
 
 /// Whether u and v are exchanged on an object's faces: planes across x have one or two cells along x only, and rows
 /// should be long.
-fn flipped(object: &Object) -> bool {
+pub(crate) fn flipped(object: &Object) -> bool {
     let [x, y, z] = object.anchor.map(f32::abs);
     object.kind == PLANE && x > y.max(z)
 }
@@ -111,6 +115,14 @@ pub fn plan(
     size: CellSize,
     form: Form,
 ) -> Result<Plan> {
+    if (size, form) == (CellSize::Alone, Form::Auto) {
+        for cells in [CELLS_PER_RADIUS_ALONE, 2.0, 1.0] {
+            let dense = plan(objects, bounds, photons, radius, CellSize::PerRadius(cells), form)?;
+            if !dense.hashed {
+                return Ok(dense);
+            }
+        }
+    }
     assert_eq!(bounds.len(), 2 * objects.len(), "two faces an object");
     if photons as u64 >= MAX_EXACT_INDEX {
         return Err(Error::Usage(format!(
@@ -125,6 +137,7 @@ pub fn plan(
     let mut cell = match size {
         CellSize::Auto => [radius / CELLS_PER_RADIUS; 3],
         CellSize::PerRadius(cells) => [radius / cells; 3],
+        CellSize::Alone => [radius / CELLS_PER_RADIUS_ALONE; 3],
         CellSize::Metres(cell) => cell,
         // A box without depth is one cell deep whatever its size.
         CellSize::Counts(counts) => [0, 1, 2].map(|i| {
@@ -157,17 +170,6 @@ pub fn plan(
     // The table's entries are floats, three of which make a photon's texel: four a photon is 16 bytes of its 36.
     let affordable = (4 * photons).max(1 << 16) as f64;
     let countable = (MAX_EXACT_INDEX - 1) as f64;
-    // Before finer cells are hashed, coarser ones are tried: in a fragment shader a hashed row costs five times a dense
-    // one (gi_ref at R = 0.1: 2.2 s a frame hashed at R/3, 0.4 s dense at R/2).
-    if let (Form::Auto, CellSize::PerRadius(cells)) = (form, size)
-        && base > affordable.min(countable)
-        && cells > 1.0
-    {
-        let coarser = plan(objects, bounds, photons, radius, CellSize::PerRadius((cells - 1.0).max(1.0)), form)?;
-        if !coarser.hashed {
-            return Ok(coarser);
-        }
-    }
     let hashed = match form {
         Form::Auto => base > affordable.min(countable),
         Form::Dense if base > countable => {
@@ -200,8 +202,6 @@ pub fn plan(
         cell,
         inverse_cell,
         bucket_mask: if hashed { (cells - 1) as f32 } else { 0.0 },
-        nearest: 0.0,
-        reserved: 0.0,
         ..Gather::default()
     };
     Ok(Plan { hashed, cells, faces, gather })

@@ -53,6 +53,8 @@ pub enum Stage {
     Photons,
     /// Photons into cells.
     Grid,
+    /// Photons into screen-space tiles.
+    Tiles,
     /// Photon map to where it is gathered.
     Textures,
     /// Primary rays, shading.
@@ -61,19 +63,19 @@ pub enum Stage {
 
 impl Stage {
     /// In the pipeline's order.
-    pub const ALL: [Stage; 6] =
-        [Stage::Compile, Stage::Upload, Stage::Photons, Stage::Grid, Stage::Textures, Stage::Trace];
+    pub const ALL: [Stage; 7] =
+        [Stage::Compile, Stage::Upload, Stage::Photons, Stage::Grid, Stage::Tiles, Stage::Textures, Stage::Trace];
 }
 
 /// For each kind of change, the stages that it makes stale.
 const TABLE: &[(Change, &[Stage])] = &[
     (Change::FEATURES, &[Stage::Compile, Stage::Trace]),
-    (Change::GEOMETRY, &[Stage::Upload, Stage::Photons, Stage::Grid, Stage::Textures, Stage::Trace]),
-    (Change::MATERIALS, &[Stage::Upload, Stage::Photons, Stage::Grid, Stage::Textures, Stage::Trace]),
-    (Change::LIGHTS, &[Stage::Upload, Stage::Photons, Stage::Grid, Stage::Textures, Stage::Trace]),
-    (Change::PHOTONS, &[Stage::Photons, Stage::Grid, Stage::Textures, Stage::Trace]),
-    (Change::GATHER, &[Stage::Compile, Stage::Grid, Stage::Textures, Stage::Trace]),
-    (Change::CAMERA, &[Stage::Trace]),
+    (Change::GEOMETRY, &[Stage::Upload, Stage::Photons, Stage::Grid, Stage::Tiles, Stage::Textures, Stage::Trace]),
+    (Change::MATERIALS, &[Stage::Upload, Stage::Photons, Stage::Grid, Stage::Tiles, Stage::Textures, Stage::Trace]),
+    (Change::LIGHTS, &[Stage::Upload, Stage::Photons, Stage::Grid, Stage::Tiles, Stage::Textures, Stage::Trace]),
+    (Change::PHOTONS, &[Stage::Photons, Stage::Grid, Stage::Tiles, Stage::Textures, Stage::Trace]),
+    (Change::GATHER, &[Stage::Compile, Stage::Grid, Stage::Tiles, Stage::Textures, Stage::Trace]),
+    (Change::CAMERA, &[Stage::Tiles, Stage::Trace]),
 ];
 
 /// Whether a change makes a stage stale.

@@ -63,6 +63,7 @@ impl Gathering {
         };
         add(self.method == Method::Brute, "GATHER_BRUTE");
         add(self.method == Method::Knn, "GATHER_KNN");
+        add(self.method.is_tiled(), "GATHER_TILES");
         add(self.hashed, "GRID_HASHED");
         add(self.clip, "HAS_CLIP");
         add(self.both_sides, "HAS_BOTH_SIDES");
@@ -78,6 +79,8 @@ impl Gathering {
             for (method, hashed) in [
                 (Method::Grid, false),
                 (Method::Grid, true),
+                // A tiled grid takes the same code.
+                (Method::Tiles, false),
                 (Method::Knn, false),
                 (Method::Knn, true),
                 (Method::Brute, false),

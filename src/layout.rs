@@ -250,6 +250,12 @@ record! {
         slices: f32,
         /// Which of them this draw gathers, below `slices`.
         slice: f32,
+        /// Tiles in a row of them.
+        tiles_across: f32,
+        /// A tile's width and, below, its height; pixels.
+        tile_width: f32,
+        /// Pixels.
+        tile_height: f32,
         /// Zero.
         reserved: f32,
         /// Zero.
@@ -257,9 +263,46 @@ record! {
     }
 }
 
+record! {
+    /// A rectangle of pixels: which regions it sees.
+    Tile, "tile" in "tiles" {
+        /// Its first region.
+        first: f32,
+        /// Regions.
+        count: f32,
+        /// Zero.
+        reserved: f32,
+    }
+}
+
+record! {
+    /// What a tile sees of one face, and the cells that the photons around it are sorted into. See `tile.glsl`.
+    Region, "region" in "regions" {
+        /// Lowest corner of the box of the tile's visible points on the face; scene space, metres.
+        low: [f32; 3],
+        /// Highest corner.
+        high: [f32; 3],
+        /// Lowest corner of the cells along u, v, w; scene space, metres.
+        origin: [f32; 3],
+        /// Cells along u, v, w.
+        counts: [f32; 3],
+        /// A cell's size along x, y, z; metres.
+        cell: [f32; 3],
+        /// 1 / `cell`, rounded once, here.
+        inverse_cell: [f32; 3],
+        /// 2·object + (0 | 1).
+        face: f32,
+        /// The region's first cell in the table.
+        base: f32,
+        /// 1: u is y and v is x; 0: u, v, w are x, y, z.
+        flipped: f32,
+    }
+}
+
 /// Lists of plain numbers, three to a texel: the table's name and its accessor. `cell_starts[c]` is the first sorted
-/// photon of cell c; a cell ends where the next one begins.
-pub const LISTS: &[(&str, &str)] = &[("cell_starts", "cell_start")];
+/// photon of cell c; a cell ends where the next one begins. `tile_photons[i]` is the number of the photon at place i of
+/// the tiles' lists, which `cell_starts` divides into cells where photons are gathered by tiles.
+pub const LISTS: &[(&str, &str)] = &[("cell_starts", "cell_start"), ("tile_photons", "tile_photon")];
 
 /// A record's declaration without its type, for lists of all records.
 #[derive(Clone, Copy, Debug)]
@@ -298,6 +341,8 @@ pub const RECORDS: &[Declaration] = &[
     declare::<Glass>(false, 0),
     declare::<Gather>(true, 0),
     declare::<Face>(false, 0),
+    declare::<Tile>(false, 0),
+    declare::<Region>(false, 0),
     declare::<Emitter>(false, 0),
     declare::<PhotonPosition>(false, 0),
     declare::<PhotonPower>(false, 0),

@@ -18,6 +18,8 @@ pub mod cli;
 pub mod bench;
 
 pub mod pipeline;
+
+pub mod choice;
 pub mod radius;
 pub mod reference;
 pub mod validate;
@@ -37,6 +39,7 @@ pub mod gathering;
 pub mod metrics;
 pub mod pack;
 pub mod source;
+pub mod tiling;
 
 pub mod scene;
 pub mod settings;

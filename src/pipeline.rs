@@ -3,8 +3,9 @@
 use std::rc::Rc;
 use std::time::Instant;
 
-use crate::cells::{CELLS_PER_RADIUS_ALONE, CellSize, Form};
+use crate::cells::{CellSize, Form};
 use crate::change::{Change, Stage, is_stale};
+use crate::choice::{self, Question};
 use crate::cl;
 use crate::cpu::scene::SceneTables;
 use crate::emission::Emission;
@@ -13,13 +14,15 @@ use crate::features::{Features, is_divided};
 use crate::film::Image;
 use crate::gathering::Gathering;
 use crate::gl::{self, Headless};
+use crate::layout::Frame;
 use crate::pack::Packed;
 use crate::radius;
 use crate::scene::Scene;
-use crate::settings::{Backend, LightMode, Settings};
+use crate::settings::{Backend, Gather, LightMode, Method, Settings};
 use crate::stage::grid::Wanted;
 use crate::stage::map::{MapCounts, MapStage};
 use crate::stage::trace::{ClTrace, CpuTrace, GlTrace, Permutation, Trace};
+use crate::tiling;
 
 /// Where a picture shall be made.
 #[derive(Clone, Debug)]
@@ -49,6 +52,8 @@ pub struct Times {
     pub emit: f64,
     /// Photons into cells.
     pub grid: f64,
+    /// Photons into screen-space tiles.
+    pub tiles: f64,
     /// Scene records, and the photon map, to where they are read.
     pub upload: f64,
     /// Rays, shading, gathering.
@@ -87,6 +92,8 @@ pub struct Rendering {
     pub skipped: Vec<Stage>,
     /// The photon map, where there is one.
     pub photons: Option<MapCounts>,
+    /// How photons were gathered, where there are any.
+    pub method: Option<Method>,
     /// Gather radius, metres, where there are photons.
     pub radius: Option<f32>,
     /// Tables of the photon map that were moved for this picture.
@@ -100,8 +107,18 @@ struct Last {
     features: Features,
     packed: Packed,
     photons: Option<MapCounts>,
-    /// R and whether the grid is hashed.
-    grid: (f32, bool),
+    chosen: Chosen,
+}
+
+/// What was chosen for a map where the settings leave it open. It stands until the map changes.
+#[derive(Clone, Copy, Debug, Default)]
+struct Chosen {
+    /// R, metres.
+    radius: f32,
+    /// The grid is hashed.
+    hashed: bool,
+    method: Method,
+    tile: [u32; 2],
 }
 
 /// A backend with a scene on it.
@@ -190,15 +207,15 @@ impl Pipeline {
         self.make_current()?;
         let last = self.last.take();
         let mut lap = Lap::new();
-        let (packed, mut photons, mut grid) = match last {
+        let (packed, mut photons, mut chosen) = match last {
             // The origin stays where it was: a moving camera must not repack the scene.
-            Some(last) if !stale(Stage::Upload) => (last.packed, last.photons, last.grid),
+            Some(last) if !stale(Stage::Upload) => (last.packed, last.photons, last.chosen),
             _ => {
                 // Another scene may lie far from the last one, so it gets an origin of its own.
                 let packed = Packed::new(scene, scene.camera.position);
                 self.tracer.upload(&packed)?;
                 times.upload = lap.ms();
-                (packed, None, (0.0, false))
+                (packed, None, Chosen::default())
             }
         };
 
@@ -220,19 +237,23 @@ impl Pipeline {
                     Some(radius) => radius,
                     None => radius::choose(&tables, &frame, &self.map.sample(radius::SAMPLE)?, stored),
                 };
-                let size = match settings.gather.cells {
-                    Some(counts) => CellSize::Counts(counts),
-                    None if self.backend == Backend::OpenGl => CellSize::PerRadius(CELLS_PER_RADIUS_ALONE),
-                    None => CellSize::Auto,
-                };
-                let nearest = settings.gather.nearest;
-                grid = (radius, self.map.sort(&Wanted { radius, size, form: Form::Auto, nearest })?);
+                chosen = self.choose(settings, radius, &tables, &frame, stored)?;
+                // Tiles take photons as they were stored.
+                if !chosen.method.is_tiled() {
+                    chosen.hashed = self.map.sort(&grid_wanted(settings, radius, self.backend))?;
+                }
                 times.grid = lap.ms();
             }
+            if chosen.method.is_tiled() && stale(Stage::Tiles) {
+                let cells = chosen.method == Method::TiledGrid;
+                let wanted = tiling::Wanted { radius: chosen.radius, tile: chosen.tile, cells };
+                self.map.tile(&frame, &features, &wanted)?;
+                times.tiles = lap.ms();
+            }
             gathering = Some(Gathering {
-                method: settings.gather.method,
+                method: chosen.method,
                 kernel: settings.gather.kernel,
-                hashed: grid.1,
+                hashed: chosen.hashed,
                 ..Gathering::of(&packed.objects, packed.sphere_count, is_divided(scene))
             });
         }
@@ -246,6 +267,10 @@ impl Pipeline {
             uploads = self.tracer.upload_map(view, gathering)?;
             times.upload += lap.ms();
         }
+        if let (true, Some(view)) = (wants_photons && chosen.method.is_tiled() && stale(Stage::Tiles), &view) {
+            uploads += self.tracer.upload_tiles(view)?;
+            times.upload += lap.ms();
+        }
         if stale(Stage::Trace) {
             self.tracer.trace(&frame, view.as_ref())?;
             times.trace = lap.ms();
@@ -254,12 +279,15 @@ impl Pipeline {
         times.readback = lap.ms();
         times.total = start.elapsed().as_secs_f64() * 1e3;
 
-        let of_photons = [Stage::Photons, Stage::Grid, Stage::Textures];
-        let done = |stage: &Stage| stale(*stage) && (wants_photons || !of_photons.contains(stage));
+        let of_photons = [Stage::Photons, Stage::Grid, Stage::Tiles, Stage::Textures];
+        let unwanted = if chosen.method.is_tiled() { Stage::Grid } else { Stage::Tiles };
+        let wanted = |stage: &Stage| !of_photons.contains(stage) || wants_photons && *stage != unwanted;
+        let done = |stage: &Stage| stale(*stage) && wanted(stage);
         let skipped = Stage::ALL.into_iter().filter(|stage| !done(stage)).collect();
-        let radius = wants_photons.then_some(grid.0);
-        self.last = Some(Last { scene: scene.clone(), settings: settings.clone(), features, packed, photons, grid });
-        Ok(Rendering { image, times, skipped, photons, radius, uploads })
+        let radius = wants_photons.then_some(chosen.radius);
+        self.last = Some(Last { scene: scene.clone(), settings: settings.clone(), features, packed, photons, chosen });
+        let method = wants_photons.then_some(chosen.method);
+        Ok(Rendering { image, times, skipped, photons, method, radius, uploads })
     }
 
     /// Traces the same picture again and tells the milliseconds it took: for timings, apart from all else.
@@ -281,6 +309,28 @@ impl Pipeline {
     /// Makes the GL context the thread's own again: another pipeline may have worked in between.
     fn make_current(&self) -> Result<()> {
         self.context.as_ref().map_or(Ok(()), Headless::make_current)
+    }
+
+    /// Settles what the settings leave open about a new map's gathering.
+    fn choose(
+        &self,
+        settings: &Settings,
+        radius: f32,
+        tables: &SceneTables,
+        frame: &Frame,
+        stored: u64,
+    ) -> Result<Chosen> {
+        let Gather { method, tile, cells, .. } = settings.gather;
+        let asked = Chosen { radius, hashed: false, method, tile: tile.unwrap_or(tiling::TILE) };
+        // Who asks for cells asks for a grid.
+        if method != Method::Auto || cells.is_some() {
+            let method = if method == Method::Auto { Method::Grid } else { method };
+            return Ok(Chosen { method, ..asked });
+        }
+        let question = Question { stored, radius, tile, alone: self.backend != Backend::OpenCl };
+        let estimates = choice::estimates(tables, frame, &self.map.sample(radius::SAMPLE)?, &question);
+        let Some(best) = estimates.first() else { return Ok(Chosen { method: Method::Grid, ..asked }) };
+        Ok(Chosen { method: best.method, tile: best.tile.unwrap_or(asked.tile), ..asked })
     }
 
     /// Bytes held on the device.
@@ -314,8 +364,18 @@ impl Drop for Pipeline {
     }
 }
 
+/// The grid that these settings ask for.
+fn grid_wanted(settings: &Settings, radius: f32, backend: Backend) -> Wanted {
+    let size = match settings.gather.cells {
+        Some(counts) => CellSize::Counts(counts),
+        None if backend == Backend::OpenGl => CellSize::Alone,
+        None => CellSize::Auto,
+    };
+    Wanted { radius, size, form: Form::Auto, nearest: settings.gather.nearest }
+}
+
 /// What one pass emits at these settings.
-fn emission(settings: &Settings) -> Emission {
+pub(crate) fn emission(settings: &Settings) -> Emission {
     Emission {
         amount: settings.photons.amount,
         seed: settings.seed,

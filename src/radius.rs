@@ -41,10 +41,14 @@ pub fn choose(scene: &SceneTables, frame: &Frame, sample: &Sample, stored: u64) 
     spheres.fold(radius, f32::min)
 }
 
+/// Columns and rows of the coarse raster of pixels that is looked at.
+const COLUMNS: usize = 16;
+const ROWS: usize = 12;
+/// Its pixels.
+pub(crate) const RASTER: usize = COLUMNS * ROWS;
+
 /// What a coarse raster of pixels sees: points, with object and side.
-fn visible_points(scene: &SceneTables, frame: &Frame) -> Vec<(Vec3, (usize, f32))> {
-    const COLUMNS: usize = 16;
-    const ROWS: usize = 12;
+pub(crate) fn visible_points(scene: &SceneTables, frame: &Frame) -> Vec<(Vec3, (usize, f32))> {
     let raster = (0..ROWS).flat_map(|row| (0..COLUMNS).map(move |column| (column, row)));
     let see = |(column, row)| {
         let x = (column as f32 + 0.5) / COLUMNS as f32 * frame.width;

@@ -41,15 +41,45 @@ impl Backend {
 
 /// How the photons around a point are found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
+#[serde(rename_all = "kebab-case")]
 pub enum Method {
+    /// Whichever of grid, tiles and tiled grid should be the fastest.
+    Auto,
     /// The cells around the point.
     #[default]
     Grid,
+    /// The list of the point's screen-space tile.
+    Tiles,
+    /// The cells around the point in the grid of its tile.
+    TiledGrid,
     /// The k nearest of them within R; the distance to the next one is the radius.
     Knn,
     /// All photons of the map: the truth for tests.
     Brute,
+}
+
+impl Method {
+    /// As users write it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Method::Auto => "auto",
+            Method::Grid => "grid",
+            Method::Tiles => "tiles",
+            Method::TiledGrid => "tiled-grid",
+            Method::Knn => "knn",
+            Method::Brute => "brute",
+        }
+    }
+
+    /// Whether photons are sorted into screen-space tiles.
+    pub fn is_tiled(self) -> bool {
+        matches!(self, Method::Tiles | Method::TiledGrid)
+    }
+
+    /// Whether photons are read in the order in which they were stored: no grid is built.
+    pub fn reads_stored(self) -> bool {
+        self == Method::Brute || self.is_tiled()
+    }
 }
 
 /// The kernel K of the density estimate; each integrates to 1 over the unit disc.
@@ -148,6 +178,8 @@ pub struct Gather {
     pub nearest: u32,
     /// Cells along x, y, z of the photons' box; `None`: cells in proportion to R.
     pub cells: Option<[u32; 3]>,
+    /// Width and height of tiles, pixels; `None`: [`crate::tiling::TILE`].
+    pub tile: Option<[u32; 2]>,
 }
 
 impl Default for Settings {
@@ -161,11 +193,12 @@ impl Default for Settings {
             light: LightMode::default(),
             photons: Photons { amount: Amount::Paths(200_000), pass: 0, sampler: Sampler::default() },
             gather: Gather {
-                method: Method::default(),
+                method: Method::Auto,
                 kernel: DensityKernel::default(),
                 radius: None,
                 nearest: 50,
                 cells: None,
+                tile: None,
             },
         }
     }

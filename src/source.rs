@@ -21,6 +21,7 @@ const FILES: &[(&str, &str)] = &[
     ("shared/direct.glsl", include_str!("../glsl/shared/direct.glsl")),
     ("shared/kernel.glsl", include_str!("../glsl/shared/kernel.glsl")),
     ("shared/cell.glsl", include_str!("../glsl/shared/cell.glsl")),
+    ("shared/tile.glsl", include_str!("../glsl/shared/tile.glsl")),
     ("shared/gather.glsl", include_str!("../glsl/shared/gather.glsl")),
     ("shared/pixel.glsl", include_str!("../glsl/shared/pixel.glsl")),
     ("shared/sampling.glsl", include_str!("../glsl/shared/sampling.glsl")),
@@ -34,6 +35,7 @@ const FILES: &[(&str, &str)] = &[
     ("photons.cl", include_str!("../kernels/photons.cl")),
     ("sort.cl", include_str!("../kernels/sort.cl")),
     ("grid.cl", include_str!("../kernels/grid.cl")),
+    ("tiles.cl", include_str!("../kernels/tiles.cl")),
     ("validate.cl", include_str!("../kernels/validate.cl")),
 ];
 

@@ -20,3 +20,16 @@ Vec3 camera_direction(SCENE_PARAMS Real x, Real y) {
     Vec3 d = add3(frame_forward(), add3(scale3(frame_right(), across), scale3(frame_up(), upward)));
     return normalize3(d);
 }
+
+// Unit direction of one of a pixel's samples, counted from the picture's first.
+Vec3 sample_direction(SCENE_PARAMS Int column, Int row, int number) {
+#ifdef ONE_SAMPLE
+    return camera_direction(SCENE to_real(column) + 0.5f, to_real(row) + 0.5f);
+#else
+    Uint pixel_key = hash2_u(to_uint(column), to_uint(row) ^ FRAME_SEED);
+    Uint index = to_uint(lanes_i(count_of(frame_first_sample()) + number));
+    Real x = to_real(column) + jitter_x(index, pixel_key);
+    Real y = to_real(row) + jitter_y(index, pixel_key);
+    return camera_direction(SCENE x, y);
+#endif
+}

@@ -91,17 +91,34 @@ Gathered add_photon(SCENE_PARAMS Gathered sum, int i, Real weight, Vec3 position
 // Farthest that lanes which walk together may lie apart, in radii. Measured at 0.5, 1, 2 and 4.
 #define GATHER_SPREAD 4.0f
 
+// What gather_face walks over: a face of the grid, or a tile's region.
+#ifdef GATHER_TILES
+#define AREA_FLIPPED(i) region_flipped_scalar(i)
+#define AREA_ORIGIN(i) region_origin_scalar(i)
+#define AREA_COUNTS(i) region_counts_scalar(i)
+#define AREA_BASE(i) region_base_scalar(i)
+#define AREA_CELL(i) region_cell_scalar(i)
+#define AREA_INVERSE_CELL(i) region_inverse_cell_scalar(i)
+#else
+#define AREA_FLIPPED(i) face_flipped_scalar(i)
+#define AREA_ORIGIN(i) face_origin_scalar(i)
+#define AREA_COUNTS(i) face_counts_scalar(i)
+#define AREA_BASE(i) face_base_scalar(i)
+#define AREA_CELL(i) gather_cell_scalar()
+#define AREA_INVERSE_CELL(i) gather_inverse_cell_scalar()
+#endif
+
 #ifndef GATHER_BRUTE
-// Photons of one face around the lanes' points, which lie in the box from low to high.
+// Photons of one face (or region) around the lanes' points, which lie in the box from low to high.
 Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high) {
     Gathered sum = nothing_gathered();
 #ifdef GATHER_KNN
     sum.inverse_radius = gather_inverse_radius();
 #endif
-    float flipped = face_flipped_scalar(face);
-    Float3 origin = face_origin_scalar(face);
-    Float3 cell = grid_axes(gather_cell_scalar(), flipped);
-    Float3 inverse = grid_axes(gather_inverse_cell_scalar(), flipped);
+    float flipped = AREA_FLIPPED(face);
+    Float3 origin = AREA_ORIGIN(face);
+    Float3 cell = grid_axes(AREA_CELL(face), flipped);
+    Float3 inverse = grid_axes(AREA_INVERSE_CELL(face), flipped);
     // Wider than the radius by more than coordinates round, so that the distance alone decides.
     float size = fabs(low.x) + fabs(low.y) + fabs(low.z) + fabs(high.x) + fabs(high.y) + fabs(high.z);
     float reach = gather_radius() * 1.0005f + 5e-7f * (size + fabs(origin.x) + fabs(origin.y) + fabs(origin.z));
@@ -114,7 +131,7 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
 #ifdef GRID_HASHED
     int mask = count_of(gather_bucket_mask());
 #else
-    Float3 counts = face_counts_scalar(face);
+    Float3 counts = AREA_COUNTS(face);
     v_first = max(v_first, 0);
     v_last = min(v_last, count_of(counts.y) - 1);
     w_first = max(w_first, 0);
@@ -153,12 +170,17 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
 #else
             u_first = max(u_first, 0);
             u_last = min(u_last, count_of(counts.x) - 1);
-            int bucket = row_start(count_of(face_base_scalar(face)), v, w, counts) + u_first;
+            int bucket = row_start(count_of(AREA_BASE(face)), v, w, counts) + u_first;
             int length = u_last - u_first + 1;
             if (length > 0) {
 #endif
                 int end = count_of(cell_start(bucket + length));
-                for (int i = count_of(cell_start(bucket)) + SLICE; i < end; i += SLICES) {
+                for (int place = count_of(cell_start(bucket)) + SLICE; place < end; place += SLICES) {
+#ifdef GATHER_TILES
+                    int i = count_of(tile_photon(place));
+#else
+                    int i = place;
+#endif
                     Vec3 position = photon_position_same(i);
                     Vec3 away = sub3(position, query.surface.position);
                     Real weight = kernel_shape(square3(away), inverse_radius2);
@@ -217,7 +239,7 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
     return sum;
 }
 
-// Photons of the lanes' faces, face after face.
+// Photons of the lanes' faces (or regions), one after the other.
 Gathered gather_near(SCENE_PARAMS Query query, Int face, Bool wanted) {
 #if LANES == 1
     Gathered sum = nothing_gathered();
@@ -255,9 +277,11 @@ Gathered gather_near(SCENE_PARAMS Query query, Int face, Bool wanted) {
     return sum;
 #endif
 }
-#else
+#endif
+
+#if defined(GATHER_BRUTE) || defined(GATHER_TILES)
 // Every photon of the map, as it was stored: the truth that grids and tiles are tested against.
-Gathered gather_near(SCENE_PARAMS Query query, Int face, Bool wanted) {
+Gathered gather_all(SCENE_PARAMS Query query, Int face, Bool wanted) {
     Gathered sum = nothing_gathered();
     Real inverse_radius2 = lanes(gather_inverse_radius() * gather_inverse_radius());
     int end = count_of(gather_photon_count());
@@ -275,8 +299,31 @@ Gathered gather_near(SCENE_PARAMS Query query, Int face, Bool wanted) {
 }
 #endif
 
+// Photons of the lanes' faces by the method at hand.
+Gathered gather_photons(SCENE_PARAMS Query query, Int face, Bool wanted, Int tile) {
+#if defined(GATHER_BRUTE)
+    return gather_all(SCENE query, face, wanted);
+#elif defined(GATHER_TILES)
+    Int region = find_region(SCENE tile, face, query.surface.position, wanted);
+    Bool found = wanted && region >= 0;
+    Gathered sum = gather_near(SCENE query, region, found);
+    // Where another compiler's ray hits what the tile has not seen, an ulp beside an edge, the whole map is asked.
+    Bool unseen = wanted && !found;
+    if (any_lane(unseen)) {
+        Gathered rest = gather_all(SCENE query, face, unseen);
+        sum.flux = add3(sum.flux, rest.flux);
+#ifdef HAS_GLOSSY
+        sum.glint = add3(sum.glint, rest.glint);
+#endif
+    }
+    return sum;
+#else
+    return gather_near(SCENE query, face, wanted);
+#endif
+}
+
 // Radiance that the photons around a visible point send towards the viewer, W·m⁻²·sr⁻¹.
-Vec3 photon_radiance(SCENE_PARAMS Surface surface, Vec3 to_viewer, Bool wanted) {
+Vec3 photon_radiance(SCENE_PARAMS Surface surface, Vec3 to_viewer, Bool wanted, Int tile) {
     Query query;
     query.surface = surface;
     query.to_viewer = to_viewer;
@@ -291,7 +338,10 @@ Vec3 photon_radiance(SCENE_PARAMS Surface surface, Vec3 to_viewer, Bool wanted) 
     Vec3 p = surface.position;
     // Beyond any photon, where squares would overflow.
     wanted = wanted && fabs(p.x) + fabs(p.y) + fabs(p.z) < 1e15f;
-    Gathered sum = gather_near(SCENE query, face, wanted);
+#ifdef GATHER_TILES
+    wanted = wanted && scatters(SCENE surface.object);
+#endif
+    Gathered sum = gather_photons(SCENE query, face, wanted, tile);
 #ifdef GATHER_KNN
     Real inverse_radius = sum.inverse_radius;
 #else

@@ -1,6 +1,7 @@
 // One pixel's radiance: the mean over its samples of what the camera sees.
 
-Vec3 radiance_along(SCENE_PARAMS Vec3 origin, Vec3 direction) {
+// `tile` is the pixel's, where photons are gathered by tiles.
+Vec3 radiance_along(SCENE_PARAMS Vec3 origin, Vec3 direction, Int tile) {
     Vec3 radiance = make3(lanes(0.0f), lanes(0.0f), lanes(0.0f));
 #ifdef HAS_OBJECTS
     Hit hit = closest_hit(SCENE origin, direction, lanes_i(NO_OBJECT));
@@ -16,7 +17,7 @@ Vec3 radiance_along(SCENE_PARAMS Vec3 origin, Vec3 direction) {
 #endif
         radiance = direct_light(SCENE surface, negate3(direction));
 #ifdef HAS_PHOTONS
-        radiance = add3(radiance, photon_radiance(SCENE surface, negate3(direction), visible));
+        radiance = add3(radiance, photon_radiance(SCENE surface, negate3(direction), visible, tile));
 #endif
 #ifdef HAS_AMBIENT
 #ifdef SLICED
@@ -31,19 +32,18 @@ Vec3 radiance_along(SCENE_PARAMS Vec3 origin, Vec3 direction) {
 }
 
 Vec3 pixel_radiance(SCENE_PARAMS Int column, Int row) {
-    Vec3 sum = make3(lanes(0.0f), lanes(0.0f), lanes(0.0f));
-#ifdef ONE_SAMPLE
-    Vec3 direction = camera_direction(SCENE to_real(column) + 0.5f, to_real(row) + 0.5f);
-    return radiance_along(SCENE frame_position(), direction);
+#ifdef GATHER_TILES
+    Int tile = tile_at(SCENE column, row);
 #else
-    Uint pixel_key = hash2_u(to_uint(column), to_uint(row) ^ FRAME_SEED);
+    Int tile = lanes_i(0);
+#endif
+#ifdef ONE_SAMPLE
+    return radiance_along(SCENE frame_position(), sample_direction(SCENE column, row, 0), tile);
+#else
+    Vec3 sum = make3(lanes(0.0f), lanes(0.0f), lanes(0.0f));
     int samples = count_of(frame_samples());
-    for (int s = 0; s < samples; s++) {
-        Uint index = to_uint(lanes_i(count_of(frame_first_sample()) + s));
-        Real x = to_real(column) + jitter_x(index, pixel_key);
-        Real y = to_real(row) + jitter_y(index, pixel_key);
-        sum = add3(sum, radiance_along(SCENE frame_position(), camera_direction(SCENE x, y)));
-    }
+    for (int s = 0; s < samples; s++)
+        sum = add3(sum, radiance_along(SCENE frame_position(), sample_direction(SCENE column, row, s), tile));
     return scale3(sum, lanes(1.0f / float_of(samples)));
 #endif
 }

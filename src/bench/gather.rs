@@ -111,7 +111,7 @@ fn ask(scene: &Scene, tables: &SceneTables, frame: &Frame, map: &PhotonTables, p
     let grid = cpu::grid::grid(&map.view(), plan);
     let own = Gathering::of(tables.objects, tables.sphere_count, is_divided(scene));
     let gathering = Gathering { hashed: plan.hashed, ..own };
-    let map = PhotonMap { gathering: &gathering, plan, stored: map.view(), grid: &grid };
+    let map = PhotonMap { gathering: &gathering, plan, stored: map.view(), grid: &grid, tiles: None };
     let mut found = Found::default();
     for (x, y) in (0..frame.height as u32).flat_map(|y| (0..frame.width as u32).map(move |x| (x, y))) {
         let (origin, direction) = (frame.position.into(), camera_direction(frame, x as f32 + 0.5, y as f32 + 0.5));
@@ -120,7 +120,7 @@ fn ask(scene: &Scene, tables: &SceneTables, frame: &Frame, map: &PhotonTables, p
         let face = 2 * surface.object + usize::from(surface.side < 0.0);
         found.queries += 1;
         for_each_candidate(&map, face, surface.position, |_| found.candidates += 1);
-        found.accepted += near(&map, face, surface.position).len() as u64;
+        found.accepted += near(&map, face, surface.position, 0).len() as u64;
     }
     found
 }

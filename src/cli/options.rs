@@ -28,7 +28,7 @@ pub struct RenderOptions {
     /// Image size in pixels, such as 640x480
     #[arg(long, value_name = "WxH")]
     pub size: Option<Size>,
-    /// How photons are found around a point
+    /// How photons are found around a point [default: grid, tiles or tiled-grid, whichever should be the fastest]
     #[arg(long, value_enum)]
     pub gather: Option<GatherArg>,
     /// Paths emitted per pass, such as 200k or 1M
@@ -49,6 +49,9 @@ pub struct RenderOptions {
     /// Cells of the grid along x, y, z of the photons' box, such as 60x40x40 [default: half the radius]
     #[arg(long, value_name = "NXxNYxNZ", value_parser = parse_grid)]
     pub grid: Option<[u32; 3]>,
+    /// Size of screen-space tiles in pixels, such as 80x80 [default: 32x32]
+    #[arg(long, value_name = "WxH")]
+    pub tile: Option<Size>,
     /// Where emission's numbers come from
     #[arg(long, value_enum, default_value = "sequence")]
     pub sampler: SamplerArg,
@@ -76,6 +79,10 @@ pub enum LightArg {
 pub enum GatherArg {
     /// The cells of a grid around the point
     Grid,
+    /// The list of the point's screen-space tile
+    Tiles,
+    /// The cells around the point in a grid of its tile
+    TiledGrid,
     /// The k nearest photons within the radius
     Knn,
     /// All photons: slow, the truth for tests
@@ -86,6 +93,8 @@ impl From<GatherArg> for Method {
     fn from(arg: GatherArg) -> Self {
         match arg {
             GatherArg::Grid => Method::Grid,
+            GatherArg::Tiles => Method::Tiles,
+            GatherArg::TiledGrid => Method::TiledGrid,
             GatherArg::Knn => Method::Knn,
             GatherArg::Brute => Method::Brute,
         }
@@ -212,6 +221,9 @@ impl RenderOptions {
         let stored = self.stored.map(Amount::Stored);
         let paths = self.photons.or(scene.render.photons.map(|n| n.min(u64::from(u32::MAX)) as u32)).map(Amount::Paths);
         let method = self.gather.map(Method::from).or(match scene.render.gather.as_deref() {
+            Some("grid") => Some(Method::Grid),
+            Some("tiles") => Some(Method::Tiles),
+            Some("tiled-grid") => Some(Method::TiledGrid),
             Some("knn") => Some(Method::Knn),
             Some("brute") => Some(Method::Brute),
             _ => None,
@@ -237,11 +249,12 @@ impl RenderOptions {
                 ..default.photons
             },
             gather: Gather {
-                method: method.unwrap_or_default(),
+                method: method.unwrap_or(default.gather.method),
                 kernel: kernel.unwrap_or_default(),
                 radius: self.radius.or(scene.render.radius.map(|r| r as f32)),
                 nearest: self.k,
                 cells: self.grid,
+                tile: self.tile.map(|tile| [tile.width, tile.height]),
             },
             ..default
         }

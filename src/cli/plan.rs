@@ -1,14 +1,23 @@
 //! `photile plan`: what is run for a scene, what is skipped, and why.
 
+use std::rc::Rc;
+
 use serde::Serialize;
 
 use super::options::RenderOptions;
 use super::print_json;
+use crate::choice::{self, Estimate, Question};
+use crate::cpu::scene::SceneTables;
 use crate::error::{Error, Result};
 use crate::features::{Features, Reason};
 use crate::layout::{Frame, Glass, Light, Object, Record, Shape, TEXEL, TEXTURE_WIDTH_LOG2};
 use crate::pack::Packed;
+use crate::pipeline::emission;
+use crate::radius;
+use crate::scene::Scene;
+use crate::settings::{Amount, LightMode, Photons, Settings};
 use crate::source::{Options, assemble, units};
+use crate::stage::map::MapStage;
 
 /// Show which stages and features a scene needs, what is skipped and why
 #[derive(clap::Args)]
@@ -43,6 +52,51 @@ struct Report {
     features: Vec<Reason>,
     uploads: Vec<Table>,
     bytes: usize,
+    gather: Option<Gathering>,
+}
+
+/// How photons would be gathered where `--gather` is not given.
+#[derive(Serialize)]
+struct Gathering {
+    radius: f32,
+    stored: u64,
+    /// For fragments, which gather alone: the cheapest first.
+    opengl: Vec<Estimate>,
+    /// The same for pixels that gather together.
+    opencl: Vec<Estimate>,
+}
+
+/// Paths that are emitted to judge the map by.
+const PATHS: u32 = 1 << 14;
+
+/// A beginning of the map, made by the CPU, and what follows from it.
+fn gathering(scene: &Scene, settings: &Settings, features: &Features, packed: &Packed) -> Result<Option<Gathering>> {
+    if settings.light == LightMode::Direct || scene.lights.is_empty() || packed.objects.is_empty() {
+        return Ok(None);
+    }
+    let amount = match settings.photons.amount {
+        Amount::Paths(paths) => Amount::Paths(paths.min(PATHS)),
+        Amount::Stored(photons) => Amount::Stored(photons.min(PATHS)),
+    };
+    let shortened = Settings { photons: Photons { amount, ..settings.photons }, ..settings.clone() };
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+    let pool = Rc::new(pool.map_err(|error| Error::Device(format!("a thread: {error}")))?);
+    let mut map = MapStage::on_host(pool);
+    let emission = emission(&shortened);
+    map.upload(packed, features, &emission)?;
+    let counts = map.emit(&emission)?;
+    let stored = match settings.photons.amount {
+        Amount::Paths(paths) => (counts.stored as f64 * f64::from(paths) / counts.emitted.max(1) as f64) as u64,
+        Amount::Stored(photons) => photons.into(),
+    };
+    let (tables, frame) = (SceneTables::new(packed, features), packed.frame(&scene.camera, settings));
+    let sample = map.sample(radius::SAMPLE)?;
+    let radius = settings.gather.radius.unwrap_or_else(|| radius::choose(&tables, &frame, &sample, stored));
+    let [opengl, opencl] = [true, false].map(|alone| {
+        let question = Question { stored, radius, tile: settings.gather.tile, alone };
+        choice::estimates(&tables, &frame, &sample, &question)
+    });
+    Ok(Some(Gathering { radius, stored, opengl, opencl }))
 }
 
 pub fn run(args: &Args) -> Result<()> {
@@ -71,6 +125,7 @@ pub fn run(args: &Args) -> Result<()> {
         features: reasons,
         bytes: uploads.iter().map(|t| t.bytes).sum(),
         uploads,
+        gather: gathering(&scene, &settings, &features, &packed)?,
     };
     if args.json {
         print_json(&report);
@@ -88,6 +143,23 @@ pub fn run(args: &Args) -> Result<()> {
         );
     }
     println!("  {} bytes in all", report.bytes);
+    let Some(gather) = &report.gather else {
+        println!("gather: skipped, no photons");
+        return Ok(());
+    };
+    println!("gather {} photons with R = {:.4} m", gather.stored, gather.radius);
+    for (backend, estimates) in [("opengl", &gather.opengl), ("opencl", &gather.opencl)] {
+        let least = estimates.first().map_or(1.0, |best| best.cost);
+        for (rank, Estimate { method, tile, candidates, entries, cost }) in estimates.iter().enumerate() {
+            let size = tile.map(|[w, h]| format!(" {w}x{h}")).unwrap_or_default();
+            println!(
+                "  {} {backend} {:<17} {candidates:>9.1} candidates a pixel, {entries:>10.0} entries, {:>6.2} × the cost",
+                if rank == 0 { "used   " } else { "skipped" },
+                format!("{}{size}", method.name()),
+                cost / least
+            );
+        }
+    }
     Ok(())
 }
 

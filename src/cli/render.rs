@@ -81,15 +81,21 @@ pub fn run(args: &Args) -> Result<()> {
 
     let times = rendering.times;
     if let (Some(photons), Some(radius)) = (rendering.photons, rendering.radius) {
-        notice(&format!("{} paths emitted, {} photons stored, radius {radius:.4} m", photons.emitted, photons.stored));
+        notice(&format!(
+            "{} paths emitted, {} photons stored, gathered by {} with radius {radius:.4} m",
+            photons.emitted,
+            photons.stored,
+            rendering.method.map_or("nothing", Method::name)
+        ));
     }
     notice(&format!(
-        "{} in {:.1} ms (compile {:.1}, emit {:.1}, grid {:.1}, upload {:.1}, trace {:.1}, readback {:.1})",
+        "{} in {:.1} ms (compile {:.1}, emit {:.1}, grid {:.1}, tiles {:.1}, upload {:.1}, trace {:.1}, readback {:.1})",
         output.display(),
         times.total,
         times.compile,
         times.emit,
         times.grid,
+        times.tiles,
         times.upload,
         times.trace,
         times.readback
@@ -98,7 +104,7 @@ pub fn run(args: &Args) -> Result<()> {
         print_json(&Report {
             scene: &scene.name,
             backend: pipeline.backend,
-            gather: settings.gather.method,
+            gather: rendering.method.unwrap_or(settings.gather.method),
             light: settings.light,
             radius: rendering.radius,
             photons: rendering.photons,

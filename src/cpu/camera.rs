@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::random::{hash_u, owen_scramble, scramble_reversed, sobol_second, unit_real};
+use super::random::{hash_u, hash2_u, owen_scramble, scramble_reversed, sobol_second, unit_real};
 use crate::layout::Frame;
 
 /// `v / |v|`, with the shaders' order of operations.
@@ -26,4 +26,22 @@ pub fn camera_direction(frame: &Frame, x: f32, y: f32) -> Vec3 {
     let upward = 1.0 - y * (2.0 / frame.height);
     let [right, up, forward] = [frame.right, frame.up, frame.forward].map(Vec3::from);
     normalize3(forward + (right * across + up * upward))
+}
+
+/// Unit direction of one of a pixel's samples, counted from the picture's first. `one_sample`: the pixel's centre.
+pub fn sample_direction(frame: &Frame, one_sample: bool, column: u32, row: u32, number: u32) -> Vec3 {
+    let (x, y) = sample_point(frame, one_sample, column, row, number);
+    camera_direction(frame, x, y)
+}
+
+/// Where that sample lies on the image plane, in pixels from the image's top left corner.
+pub fn sample_point(frame: &Frame, one_sample: bool, column: u32, row: u32, number: u32) -> (f32, f32) {
+    let (x, y) = (column as f32, row as f32);
+    if one_sample {
+        return (x + 0.5, y + 0.5);
+    }
+    let seed = frame.seed_low as u32 | (frame.seed_high as u32) << 16;
+    let pixel_key = hash2_u(column, row ^ seed);
+    let index = frame.first_sample as u32 + number;
+    (x + jitter_x(index, pixel_key), y + jitter_y(index, pixel_key))
 }

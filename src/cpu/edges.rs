@@ -3,9 +3,8 @@
 
 use glam::Vec3;
 
-use super::camera::camera_direction;
+use super::camera::{camera_direction, sample_point};
 use super::scene::SceneTables;
-use super::trace::sample_points;
 use crate::features::Lights;
 use crate::layout::Frame;
 
@@ -15,7 +14,9 @@ const NUDGE: f32 = 0.01;
 
 /// Whether some sample of a pixel sits on an edge of an object or of a hard shadow.
 pub fn is_on_edge(scene: &SceneTables, frame: &Frame, column: u32, row: u32) -> bool {
-    sample_points(scene.features, frame, column, row).any(|(x, y)| {
+    let one_sample = scene.features.one_sample;
+    let samples = if one_sample { 1 } else { frame.samples as u32 };
+    (0..samples).map(|number| sample_point(frame, one_sample, column, row, number)).any(|(x, y)| {
         let here = seen(scene, frame, x, y);
         let around = [(-NUDGE, -NUDGE), (NUDGE, -NUDGE), (-NUDGE, NUDGE), (NUDGE, NUDGE)];
         around.into_iter().any(|(dx, dy)| seen(scene, frame, x + dx, y + dy) != here)

@@ -8,9 +8,11 @@ use super::bsdf::ggx;
 use super::density::{kernel_peak, kernel_shape, visible_part};
 use super::grid::{GridTables, PhotonTables, cell_along, dense_row, face_of, grid_axes, hashed_row};
 use super::scene::{SceneTables, Surface};
+use super::tiles::{TileTables, find_region, scatters};
 use crate::cells::Plan;
 use crate::gathering::{Gathering, Method};
-use crate::layout::Gather;
+use crate::layout::{Gather, Region};
+use crate::tiling;
 
 /// A photon map as a picture sees it.
 #[derive(Clone, Copy)]
@@ -19,10 +21,12 @@ pub struct PhotonMap<'a> {
     pub gathering: &'a Gathering,
     /// Radius, cells, faces.
     pub plan: &'a Plan,
-    /// In path order: what [`Method::Brute`] reads.
+    /// In path order: what [`Method::Brute`] and methods with tiles read.
     pub stored: PhotonTables<'a>,
     /// In the order of cells: what the others read.
     pub grid: &'a GridTables,
+    /// Lists of stored photons: what [`Method::Tiles`] and [`Method::TiledGrid`] read.
+    pub tiles: Option<(&'a tiling::Plan, &'a TileTables)>,
 }
 
 /// What the photons around a point sum up to.
@@ -100,8 +104,37 @@ pub fn for_each_candidate(map: &PhotonMap, face: usize, point: Vec3, mut visit: 
     }
 }
 
-/// The photons of a face within R of a point, in the order in which the tables hold them.
-pub fn near(map: &PhotonMap, face: usize, point: Vec3) -> Vec<Near> {
+/// The same for a region of a tile; candidates are stored photons.
+pub fn for_each_listed(tables: &TileTables, region: &Region, radius: f32, point: Vec3, mut visit: impl FnMut(usize)) {
+    let size = 2.0 * point.abs().element_sum();
+    let reach = radius * 1.0005 + 5e-7 * (size + Vec3::from(region.origin).abs().element_sum());
+    let [cell, inverse, at] =
+        [region.cell, region.inverse_cell, point.to_array()].map(|axes| grid_axes(axes, region.flipped));
+    let at = [0, 1, 2].map(|axis| at[axis] - region.origin[axis]);
+    let range = |axis: usize, reach: f32| {
+        let first = cell_along(at[axis] - reach, inverse[axis]).max(0);
+        first..=cell_along(at[axis] + reach, inverse[axis]).min(region.counts[axis] as i32 - 1)
+    };
+    let gap = |number: i32, axis: usize| {
+        let low = number as f32 * cell[axis];
+        (low - at[axis]).max(at[axis] - (low + cell[axis])).max(0.0)
+    };
+    let start = |c: i32| tables.cell_starts[region.base as usize + c as usize] as usize;
+    for w in range(2, reach) {
+        for v in range(1, reach) {
+            let chord = (reach * reach - gap(w, 2).powi(2) - gap(v, 1).powi(2)).max(0.0).sqrt();
+            let along = range(0, chord);
+            if !along.is_empty() {
+                let row = (w * region.counts[1] as i32 + v) * region.counts[0] as i32;
+                let run = start(row + along.start())..start(row + along.end() + 1);
+                tables.tile_photons[run].iter().for_each(|photon| visit(*photon as usize));
+            }
+        }
+    }
+}
+
+/// The photons of a face within R of a point, in the order in which the tables hold them. `tile` is the point's.
+pub fn near(map: &PhotonMap, face: usize, point: Vec3, tile: usize) -> Vec<Near> {
     let inverse_radius2 = map.plan.gather.inverse_radius * map.plan.gather.inverse_radius;
     let mut found = Vec::new();
     let mut weigh = |photon: usize, position: [f32; 3]| {
@@ -111,7 +144,12 @@ pub fn near(map: &PhotonMap, face: usize, point: Vec3) -> Vec<Near> {
             found.push(Near { d2, photon });
         }
     };
-    if map.gathering.method == Method::Brute {
+    // Without a region, the whole map: a point that no tile has seen.
+    let region = map.tiles.and_then(|(plan, tables)| Some((find_region(plan, tile, face, point)?, tables)));
+    if let Some((region, tables)) = region {
+        let radius = map.plan.gather.radius;
+        for_each_listed(tables, region, radius, point, |i| weigh(i, map.stored.positions[i].position));
+    } else if map.gathering.method.reads_stored() {
         for (i, position) in map.stored.positions.iter().enumerate() {
             if face_of(&map.stored.surfaces[i]) == face {
                 weigh(i, position.position);
@@ -132,15 +170,19 @@ pub fn walled_off(scene: &SceneTables, point: Vec3, photon: Vec3) -> bool {
 }
 
 /// Radiance that the photons around a visible point send towards the viewer, W·m⁻²·sr⁻¹.
-pub fn photon_radiance(scene: &SceneTables, map: &PhotonMap, surface: &Surface, to_viewer: Vec3) -> Vec3 {
+/// `tile` is that of the pixel which sees the point; only methods with tiles ask for it.
+pub fn photon_radiance(scene: &SceneTables, map: &PhotonMap, surface: &Surface, to_viewer: Vec3, tile: usize) -> Vec3 {
     let object = &scene.objects[surface.object];
+    if map.tiles.is_some() && !scatters(object) {
+        return Vec3::ZERO;
+    }
     let face = 2 * surface.object + usize::from(surface.side < 0.0);
     let kernel = map.gathering.kernel;
     let mut inverse_radius = map.plan.gather.inverse_radius;
-    let brute = map.gathering.method == Method::Brute;
+    let stored = map.gathering.method.reads_stored();
 
-    let mut found = near(map, face, surface.position);
-    let position = |i: usize| if brute { map.stored.positions[i].position } else { map.grid.positions[i].position };
+    let mut found = near(map, face, surface.position, tile);
+    let position = |i: usize| if stored { map.stored.positions[i].position } else { map.grid.positions[i].position };
     if map.gathering.both_sides {
         found.retain(|n| !walled_off(scene, surface.position, position(n.photon).into()));
     }
@@ -158,10 +200,10 @@ pub fn photon_radiance(scene: &SceneTables, map: &PhotonMap, surface: &Surface, 
     let mut sum = Gathered::default();
     for Near { d2, photon } in found {
         let weight = kernel_shape(kernel, d2, inverse_radius * inverse_radius);
-        let power = Vec3::from(if brute { map.stored.powers[photon].power } else { map.grid.powers[photon].power });
+        let power = Vec3::from(if stored { map.stored.powers[photon].power } else { map.grid.powers[photon].power });
         sum.flux += power * weight;
         if object.specular > 0.0 {
-            let directions = if brute { map.stored.directions } else { &map.grid.directions[..] };
+            let directions = if stored { map.stored.directions } else { &map.grid.directions[..] };
             let to_light = Vec3::from(directions[photon].direction);
             let cos_i = surface.normal.dot(to_light);
             if cos_i > 0.0 {

@@ -12,5 +12,6 @@ pub mod photons;
 pub mod random;
 pub mod scan;
 pub mod scene;
+pub mod tiles;
 pub mod trace;
 pub mod walk;

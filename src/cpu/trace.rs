@@ -6,11 +6,11 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::bsdf::ggx;
-use super::camera::{camera_direction, jitter_x, jitter_y};
+use super::camera::sample_direction;
 use super::gather::{PhotonMap, photon_radiance};
-use super::random::hash2_u;
 use super::scene::{SceneTables, Surface};
-use crate::features::{Features, Lights};
+use super::tiles::tile_at;
+use crate::features::Lights;
 use crate::layout::Frame;
 
 /// Radiance towards the viewer from point lights, W·m⁻²·sr⁻¹.
@@ -36,8 +36,14 @@ pub fn direct_light(scene: &SceneTables, surface: &Surface, to_viewer: Vec3) -> 
     sum
 }
 
-/// What arrives at `origin` from `direction`, with the photon map where there is one.
-pub fn radiance_along(scene: &SceneTables, map: Option<&PhotonMap>, origin: Vec3, direction: Vec3) -> Vec3 {
+/// What arrives at `origin` from `direction`, with the photon map where there is one; `tile` is the pixel's.
+pub fn radiance_along(
+    scene: &SceneTables,
+    map: Option<&PhotonMap>,
+    origin: Vec3,
+    direction: Vec3,
+    tile: usize,
+) -> Vec3 {
     let Some(hit) = scene.closest_hit(origin, direction, None) else { return Vec3::ZERO };
     let surface = scene.surface_at(origin, direction, hit);
     let object = &scene.objects[hit.object];
@@ -45,30 +51,22 @@ pub fn radiance_along(scene: &SceneTables, map: Option<&PhotonMap>, origin: Vec3
         Lights::None => Vec3::ZERO,
         _ => direct_light(scene, &surface, -direction),
     };
-    let indirect = map.map_or(Vec3::ZERO, |map| photon_radiance(scene, map, &surface, -direction));
+    let indirect = map.map_or(Vec3::ZERO, |map| photon_radiance(scene, map, &surface, -direction, tile));
     direct + indirect + Vec3::from(object.color) * object.ambient
-}
-
-/// Where a pixel's samples lie on the image plane, in pixels from the image's top left corner.
-pub fn sample_points(features: &Features, frame: &Frame, column: u32, row: u32) -> impl Iterator<Item = (f32, f32)> {
-    let (x, y) = (column as f32, row as f32);
-    let seed = frame.seed_low as u32 | (frame.seed_high as u32) << 16;
-    let pixel_key = hash2_u(column, row ^ seed);
-    let one_sample = features.one_sample;
-    let (first, count) = (frame.first_sample as u32, if one_sample { 1 } else { frame.samples as u32 });
-    (first..first + count).map(move |index| match one_sample {
-        true => (x + 0.5, y + 0.5),
-        false => (x + jitter_x(index, pixel_key), y + jitter_y(index, pixel_key)),
-    })
 }
 
 /// Mean over the pixel's samples.
 pub fn pixel_radiance(scene: &SceneTables, map: Option<&PhotonMap>, frame: &Frame, column: u32, row: u32) -> Vec3 {
-    let mut sum = Vec3::ZERO;
-    for (x, y) in sample_points(scene.features, frame, column, row) {
-        sum += radiance_along(scene, map, frame.position.into(), camera_direction(frame, x, y));
+    let origin = frame.position.into();
+    let tile = map.and_then(|map| map.tiles).map_or(0, |(plan, _)| tile_at(&plan.gather, column, row));
+    let one_sample = scene.features.one_sample;
+    let sample =
+        |number| radiance_along(scene, map, origin, sample_direction(frame, one_sample, column, row, number), tile);
+    if one_sample {
+        return sample(0);
     }
-    if scene.features.one_sample { sum } else { sum * (1.0 / frame.samples) }
+    let samples = frame.samples as u32;
+    (0..samples).map(sample).fold(Vec3::ZERO, |sum, radiance| sum + radiance) * (1.0 / samples as f32)
 }
 
 /// The whole film, row 0 = top, on the calling thread's rayon pool: a pool of one thread is plain serial code.

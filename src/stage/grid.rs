@@ -150,7 +150,7 @@ fn from_ordered(i: i32) -> f32 {
 }
 
 /// Makes a buffer at least so long; its content is lost when it grows.
-fn fit<T: bytemuck::Pod>(context: &Context, buffer: &mut Buffer<T>, len: usize) -> Result<()> {
+pub(super) fn fit<T: bytemuck::Pod>(context: &Context, buffer: &mut Buffer<T>, len: usize) -> Result<()> {
     if buffer.len() < len {
         *buffer = Buffer::new(context, len)?;
     }

@@ -5,14 +5,16 @@ use std::rc::Rc;
 use super::grid::{Grid, GridStage, Photons as StoredPhotons, Wanted};
 use super::photons::{PhotonMap, Photons};
 use super::scan::Scan;
+use super::tiles::{TileStage, Tiles};
 use crate::cells;
 use crate::cl::Context;
 use crate::cpu;
 use crate::emission::{self, Emission};
 use crate::error::{Error, Result};
 use crate::features::Features;
-use crate::layout::{PhotonPosition, PhotonSurface};
+use crate::layout::{Frame, PhotonPosition, PhotonSurface};
 use crate::pack::Packed;
+use crate::tiling;
 
 /// Makes photon maps on one machine and holds the last one.
 pub enum MapStage {
@@ -27,6 +29,8 @@ pub struct DeviceMap {
     context: Rc<Context>,
     photons: Photons,
     grid: GridStage,
+    /// Made when tiles are first asked for.
+    tiles: Option<Box<TileStage>>,
     stored: Option<PhotonMap>,
     packed: Option<Packed>,
 }
@@ -38,6 +42,7 @@ pub struct HostMap {
     stored: cpu::photons::PhotonTables,
     plan: cells::Plan,
     grid: cpu::grid::GridTables,
+    tiles: Option<(tiling::Plan, cpu::tiles::TileTables)>,
 }
 
 /// A finished map, as the trace stage takes it.
@@ -50,6 +55,8 @@ pub enum MapView<'a> {
         stored: StoredPhotons<'a>,
         /// In the order of cells.
         grid: &'a Grid,
+        /// The last tiles.
+        tiles: Option<&'a Tiles>,
     },
     /// In host memory.
     Host {
@@ -59,6 +66,8 @@ pub enum MapView<'a> {
         stored: cpu::grid::PhotonTables<'a>,
         /// In the order of cells.
         grid: &'a cpu::grid::GridTables,
+        /// The last tiles.
+        tiles: Option<(&'a tiling::Plan, &'a cpu::tiles::TileTables)>,
     },
 }
 
@@ -90,6 +99,7 @@ impl MapStage {
             photons: Photons::new(Rc::clone(&context), scan),
             grid: GridStage::new(&context)?,
             context,
+            tiles: None,
             stored: None,
             packed: None,
         })))
@@ -99,7 +109,7 @@ impl MapStage {
     pub fn on_host(pool: Rc<rayon::ThreadPool>) -> MapStage {
         let plan = cells::Plan { hashed: false, cells: 0, faces: Vec::new(), gather: Default::default() };
         let (stored, grid) = Default::default();
-        MapStage::Host(Box::new(HostMap { pool, scene: None, stored, plan, grid }))
+        MapStage::Host(Box::new(HostMap { pool, scene: None, stored, plan, grid, tiles: None }))
     }
 
     /// Takes over the scene and builds what an emission needs.
@@ -194,6 +204,37 @@ impl MapStage {
         }
     }
 
+    /// Sorts the map into the tiles of a view and waits for it. Tells how many entries their lists have.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] when floats cannot count the entries; [`Error::Device`] and [`Error::Build`] from the device.
+    pub fn tile(&mut self, frame: &Frame, features: &Features, wanted: &tiling::Wanted) -> Result<u64> {
+        match self {
+            MapStage::Device(map) => {
+                let (Some(stored), Some(packed)) = (&map.stored, &map.packed) else { return Err(no_scene()) };
+                let stage = match &mut map.tiles {
+                    Some(stage) => stage,
+                    none => none.insert(Box::new(TileStage::new(&map.context)?)),
+                };
+                stage.upload(&map.context, packed, features)?;
+                let pairs = stage.build(&map.context, &packed.objects, frame, &stored.view(), wanted)?.pairs;
+                map.context.finish()?;
+                Ok(pairs as u64)
+            }
+            MapStage::Host(map) => {
+                let Some((packed, ..)) = &map.scene else { return Err(no_scene()) };
+                let scene = cpu::scene::SceneTables::new(packed, features);
+                let seen = map.pool.install(|| cpu::tiles::tiles_seen(&scene, frame, wanted.tile));
+                let plan = tiling::plan(&packed.objects, frame, seen, map.stored.len(), wanted)?;
+                let tables = cpu::tiles::tiles(&map.stored.view(), &plan, frame)?;
+                map.plan.gather = plan.gather;
+                let pairs = tables.tile_photons.len() as u64;
+                map.tiles = Some((plan, tables));
+                Ok(pairs)
+            }
+        }
+    }
+
     /// The last map.
     pub fn view(&self) -> Option<MapView<'_>> {
         match self {
@@ -201,15 +242,24 @@ impl MapStage {
                 context: &map.context,
                 stored: map.stored.as_ref()?.view(),
                 grid: map.grid.grid(),
+                tiles: map.tiles.as_ref().map(|stage| stage.tiles()),
             }),
-            MapStage::Host(map) => Some(MapView::Host { plan: &map.plan, stored: map.stored.view(), grid: &map.grid }),
+            MapStage::Host(map) => Some(MapView::Host {
+                plan: &map.plan,
+                stored: map.stored.view(),
+                grid: &map.grid,
+                tiles: map.tiles.as_ref().map(|(plan, tables)| (plan, tables)),
+            }),
         }
     }
 
     /// Bytes held on the device, scratch included.
     pub fn bytes(&self) -> usize {
         match self {
-            MapStage::Device(map) => map.stored.as_ref().map_or(0, PhotonMap::bytes) + map.grid.bytes(),
+            MapStage::Device(map) => {
+                let tiles = map.tiles.as_ref().map_or(0, |stage| stage.bytes());
+                map.stored.as_ref().map_or(0, PhotonMap::bytes) + map.grid.bytes() + tiles
+            }
             MapStage::Host(map) => {
                 let grid = &map.grid;
                 size_of_val(&map.stored.positions[..]) * 4

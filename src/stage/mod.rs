@@ -6,4 +6,5 @@ pub mod photon_textures;
 pub mod photons;
 pub mod scan;
 pub mod sort;
+pub mod tiles;
 pub mod trace;

@@ -3,21 +3,24 @@
 use bytemuck::Pod;
 
 use super::grid::{Grid, Photons};
+use super::tiles::Tiles;
 use crate::cells::Plan;
 use crate::cl::{Buffer, Context};
 use crate::cpu::grid::{GridTables, PhotonTables};
+use crate::cpu::tiles::TileTables;
 use crate::error::Result;
 use crate::gathering::{Gathering, Method};
 use crate::gl::{Functions, Program, TableTexture};
 use crate::layout::{
-    Face, Gather, PhotonCell, PhotonDirection, PhotonPosition, PhotonPower, PhotonSurface, Record, TEXEL,
-    TEXTURE_WIDTH_LOG2,
+    Face, Gather, PhotonCell, PhotonDirection, PhotonPosition, PhotonPower, PhotonSurface, Record, Region, TEXEL,
+    TEXTURE_WIDTH_LOG2, Tile,
 };
+use crate::tiling;
 
 /// The photon map as textures, one a property; what a permutation does not read is neither read back nor uploaded.
 pub struct PhotonTextures {
     /// In the order of [`PhotonTextures::SAMPLERS`].
-    tables: [TableTexture; 7],
+    tables: [TableTexture; 10],
     gather: Gather,
     /// Bound on the candidates of any query, for drivers that end long loops.
     pub most_candidates: u64,
@@ -26,7 +29,7 @@ pub struct PhotonTextures {
 
 impl PhotonTextures {
     /// The samplers of `gather.glsl`, in the order of their texture units.
-    pub const SAMPLERS: [&str; 7] = [
+    pub const SAMPLERS: [&str; 10] = [
         Face::TABLE,
         "cell_starts",
         PhotonCell::TABLE,
@@ -34,6 +37,9 @@ impl PhotonTextures {
         PhotonPower::TABLE,
         PhotonSurface::TABLE,
         PhotonDirection::TABLE,
+        Tile::TABLE,
+        Region::TABLE,
+        "tile_photons",
     ];
 
     /// Empty tables on the current context.
@@ -42,7 +48,8 @@ impl PhotonTextures {
     /// [`crate::error::Error::Device`] when the driver gives no textures.
     pub fn new(gl: &Functions) -> Result<PhotonTextures> {
         let table = || TableTexture::new(gl, TEXTURE_WIDTH_LOG2);
-        let tables = [table()?, table()?, table()?, table()?, table()?, table()?, table()?];
+        let tables =
+            [table()?, table()?, table()?, table()?, table()?, table()?, table()?, table()?, table()?, table()?];
         Ok(PhotonTextures { tables, gather: Gather::default(), most_candidates: 0, staging: Vec::new() })
     }
 
@@ -59,10 +66,11 @@ impl PhotonTextures {
     ) -> Result<()> {
         self.gather = plan.gather;
         self.most_candidates = match gathering.method {
-            Method::Brute => stored.positions.len() as u64,
-            _ => most_candidates(plan, &grid.cell_starts, grid.positions.len() as u64),
+            Method::Grid | Method::Knn => most_candidates(plan, &grid.cell_starts, grid.positions.len() as u64),
+            // A point that its tile does not know asks the whole map, as brute force does.
+            _ => stored.positions.len() as u64,
         };
-        if gathering.method == Method::Brute {
+        if gathering.method.reads_stored() {
             self.tables[3].fill(stored.positions)?;
             self.tables[4].fill(stored.powers)?;
             self.tables[5].fill(stored.surfaces)?;
@@ -84,8 +92,8 @@ impl PhotonTextures {
     /// [`crate::error::Error::Device`] when a transfer fails, or a table is larger than the driver's textures.
     pub fn fill(&mut self, context: &Context, grid: &Grid, stored: &Photons, gathering: &Gathering) -> Result<()> {
         self.gather = grid.plan.gather;
-        let brute = gathering.method == Method::Brute;
-        let count = grid.count;
+        let brute = gathering.method.reads_stored();
+        let count = stored.count;
         self.most_candidates = count as u64;
         if brute {
             self.copy(3, context, stored.positions, count)?;
@@ -107,6 +115,35 @@ impl PhotonTextures {
             Some(_) => self.copy(6, context, &grid.directions, count),
             None => Ok(()),
         }
+    }
+
+    /// Takes over the tiles of a map that was taken over before.
+    ///
+    /// # Errors
+    /// As [`PhotonTextures::fill`].
+    pub fn fill_tiles(&mut self, context: &Context, tiles: &Tiles) -> Result<()> {
+        self.gather = tiles.plan.gather;
+        self.copy(1, context, &tiles.cell_starts, (tiles.plan.cells + 1).div_ceil(3))?;
+        self.tables[7].fill(&tiles.plan.tiles)?;
+        self.tables[8].fill(&tiles.plan.regions)?;
+        self.copy(9, context, &tiles.tile_photons, tiles.pairs.div_ceil(3))
+    }
+
+    /// The same for tiles made by the CPU.
+    ///
+    /// # Errors
+    /// As [`PhotonTextures::fill`].
+    pub fn fill_tiles_from_host(&mut self, plan: &tiling::Plan, tables: &TileTables) -> Result<()> {
+        self.gather = plan.gather;
+        let whole = |list: &[f32]| {
+            let mut list = list.to_vec();
+            list.resize(list.len().next_multiple_of(TEXEL), 0.0); // lists fill whole texels
+            list
+        };
+        self.tables[1].fill_texels(&whole(&tables.cell_starts))?;
+        self.tables[7].fill(&plan.tiles)?;
+        self.tables[8].fill(&plan.regions)?;
+        self.tables[9].fill_texels(&whole(&tables.tile_photons))
     }
 
     /// The first `texels` texels of a buffer.
@@ -150,6 +187,9 @@ impl PhotonTextures {
 /// Cells along an axis that a query's ball can touch.
 pub fn cells_across(gather: &Gather) -> u64 {
     let smallest = gather.cell.into_iter().fold(f32::INFINITY, f32::min);
+    if smallest <= 0.0 {
+        return 8; // tiles have cells of their own, of R/2 or larger
+    }
     2 * (1.001 * gather.radius / smallest).ceil().min(1e6) as u64 + 2
 }
 

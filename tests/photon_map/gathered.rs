@@ -120,13 +120,13 @@ fn by_twin(map: &Map, wanted: &Wanted, gathering: Gathering) -> Vec<[f32; 3]> {
     plan.gather.nearest = wanted.nearest as f32;
     let tables = grid(&map.tables(), &plan);
     let gathering = Gathering { hashed: plan.hashed, ..gathering };
-    let map = PhotonMap { gathering: &gathering, plan: &plan, stored: map.tables(), grid: &tables };
+    let map = PhotonMap { gathering: &gathering, plan: &plan, stored: map.tables(), grid: &tables, tiles: None };
     let pixel = |i: usize| {
         let direction = camera_direction(&frame, (i % WIDTH) as f32 + 0.5, (i / WIDTH) as f32 + 0.5);
         let origin = Vec3::from(frame.position);
         let hit = scene.closest_hit(origin, direction, None).expect("the room is closed");
         let surface = scene.surface_at(origin, direction, hit);
-        photon_radiance(&scene, &map, &surface, -direction).to_array()
+        photon_radiance(&scene, &map, &surface, -direction, 0).to_array()
     };
     (0..WIDTH * HEIGHT).map(pixel).collect()
 }
@@ -207,7 +207,7 @@ fn share_of_truth_in_corners(gathering: Gathering) -> f32 {
     let scene = SceneTables::new(&packed, &features);
     let plan = map.plan(&packed.objects, 0.5, CellSize::Auto, Form::Auto);
     let tables = grid(&map.tables(), &plan);
-    let map = PhotonMap { gathering: &gathering, plan: &plan, stored: map.tables(), grid: &tables };
+    let map = PhotonMap { gathering: &gathering, plan: &plan, stored: map.tables(), grid: &tables, tiles: None };
     let (mut random, queries, mut sum) = (Random::new(15), 400, 0.0);
     for _ in 0..queries {
         let corner = [0, 1, 2].map(|_| if random.uniform(0.0, 1.0) < 0.5 { -1.0 } else { 1.0 });
@@ -215,7 +215,7 @@ fn share_of_truth_in_corners(gathering: Gathering) -> f32 {
         let position = Vec3::from([3.0, 2.0, 3.0]) * Vec3::from(corner) - Vec3::from(corner) * Vec3::from(inwards);
         let (object, side) = if corner[1] < 0.0 { (2, 1.0) } else { (3, -1.0) };
         let surface = Surface { position, normal: Vec3::Y * side, object, side };
-        sum += photon_radiance(&scene, &map, &surface, surface.normal).x;
+        sum += photon_radiance(&scene, &map, &surface, surface.normal, 0).x;
     }
     // 168 m² of walls; albedo 0.7.
     let truth = 0.7 * std::f32::consts::FRAC_1_PI * photons as f32 / 168.0;

@@ -3,6 +3,8 @@
 mod gathered;
 mod queries;
 mod tables;
+mod tile_timings;
+mod tiles;
 mod timings;
 
 use std::ops::Deref;

@@ -21,7 +21,7 @@ fn truth(map: &Map, face: usize, point: Vec3, radius: f32) -> Vec<u32> {
 
 /// The grid's answer, in the numbers from before the sort.
 fn answer(map: &PhotonMap, tables: &GridTables, face: usize, point: Vec3) -> Vec<u32> {
-    let mut found: Vec<u32> = near(map, face, point).iter().map(|n| tables.order[n.photon]).collect();
+    let mut found: Vec<u32> = near(map, face, point, 0).iter().map(|n| tables.order[n.photon]).collect();
     found.sort_unstable();
     found
 }
@@ -32,7 +32,7 @@ fn check(map: &Map, radius: f32, size: CellSize, form: Form, queries: usize) -> 
     let plan = map.plan(&objects, radius, size, form);
     let tables = grid(&map.tables(), &plan);
     let gathering = Gathering { hashed: plan.hashed, ..Gathering::default() };
-    let seen = PhotonMap { gathering: &gathering, plan: &plan, stored: map.tables(), grid: &tables };
+    let seen = PhotonMap { gathering: &gathering, plan: &plan, stored: map.tables(), grid: &tables, tiles: None };
     let mut random = Random::new(99);
     let mut found = 0;
     for number in 0..queries {
@@ -92,7 +92,7 @@ fn a_lost_photon_would_be_noticed() {
     let plan = map.plan(&room(), 0.7, CellSize::Auto, Form::Dense);
     let tables = grid(&map.tables(), &plan);
     let gathering = Gathering::default();
-    let seen = PhotonMap { gathering: &gathering, plan: &plan, stored: map.tables(), grid: &tables };
+    let seen = PhotonMap { gathering: &gathering, plan: &plan, stored: map.tables(), grid: &tables, tiles: None };
     let photon = 17;
     let (face, point) = (face_of(&map.surfaces[photon]), Vec3::from(map.positions[photon].position));
     let mut fewer = map.clone();

@@ -78,7 +78,12 @@ impl Trace for ClTrace {
         let mut args: Vec<Arg> = vec![(&self.frame).into(), objects.into(), lights.into()];
         match (active.permutation.gathering, map) {
             (None, _) => {}
-            (Some(gathering), Some(MapView::Device { stored, grid, .. })) => {
+            (Some(gathering), Some(MapView::Device { stored, tiles: Some(tiles), .. }))
+                if gathering.method.is_tiled() =>
+            {
+                args.extend(tiles.args(stored));
+            }
+            (Some(gathering), Some(MapView::Device { stored, grid, .. })) if !gathering.method.is_tiled() => {
                 args.extend(grid.args(stored, gathering.method));
             }
             (Some(_), _) => return Err(out_of_order("OpenCL")),

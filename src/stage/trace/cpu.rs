@@ -51,8 +51,9 @@ impl Trace for CpuTrace {
         let scene = cpu::scene::SceneTables::new(packed, &active.features);
         let map = match (&active.gathering, map) {
             (None, _) => None,
-            (Some(gathering), Some(MapView::Host { plan, stored, grid })) => {
-                Some(PhotonMap { gathering, plan, stored: *stored, grid })
+            (Some(gathering), Some(MapView::Host { plan, stored, grid, tiles })) => {
+                let tiles = tiles.filter(|_| gathering.method.is_tiled());
+                Some(PhotonMap { gathering, plan, stored: *stored, grid, tiles })
             }
             (Some(_), _) => return Err(out_of_order("CPU")),
         };

@@ -133,8 +133,18 @@ impl Trace for GlTrace {
     fn upload_map(&mut self, map: &MapView, gathering: &Gathering) -> Result<u64> {
         let before = self.photons.uploads();
         match map {
-            MapView::Device { context, stored, grid } => self.photons.fill(context, grid, stored, gathering)?,
-            MapView::Host { plan, stored, grid } => self.photons.fill_from_host(plan, stored, grid, gathering)?,
+            MapView::Device { context, stored, grid, .. } => self.photons.fill(context, grid, stored, gathering)?,
+            MapView::Host { plan, stored, grid, .. } => self.photons.fill_from_host(plan, stored, grid, gathering)?,
+        }
+        Ok(self.photons.uploads() - before)
+    }
+
+    fn upload_tiles(&mut self, map: &MapView) -> Result<u64> {
+        let before = self.photons.uploads();
+        match map {
+            MapView::Device { context, tiles: Some(tiles), .. } => self.photons.fill_tiles(context, tiles)?,
+            MapView::Host { tiles: Some((plan, tables)), .. } => self.photons.fill_tiles_from_host(plan, tables)?,
+            _ => return Err(out_of_order("OpenGL")),
         }
         Ok(self.photons.uploads() - before)
     }

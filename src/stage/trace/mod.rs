@@ -52,6 +52,14 @@ pub trait Trace {
     /// [`Error::Device`] when the device has no room.
     fn upload_map(&mut self, map: &MapView, gathering: &Gathering) -> Result<u64>;
 
+    /// Takes over the tiles of a map that was taken over before, where they have to be moved.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when the device has no room.
+    fn upload_tiles(&mut self, _map: &MapView) -> Result<u64> {
+        Ok(0)
+    }
+
     /// Traces a picture with the permutation compiled last, and waits for it. `map` is the map uploaded last.
     ///
     /// # Errors

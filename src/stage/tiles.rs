@@ -1,0 +1,294 @@
+//! Tiles: a camera's view and photons as stored in, lists of photons by tile out. All on the device but for the boxes
+//! of what tiles see, seven numbers each, from which the host lays the regions out.
+
+use super::grid::{Photons, fit};
+use super::scan::Scan;
+use super::sort::{Sort, share};
+use crate::cells::Bounds;
+use crate::cl::{Arg, Buffer, Context, Kernel};
+use crate::error::Result;
+use crate::features::Features;
+use crate::layout::{Frame, Gather, Light, Object, PhotonDirection, Region, TEXEL, Tile};
+use crate::pack::Packed;
+use crate::source::{Options, assemble};
+use crate::tiling::{Plan, Seen, Wanted, check_pairs, plan, tiles_of};
+
+/// The tiles' lists on the device. Buffers may be longer than what they hold.
+pub struct Tiles {
+    /// Regions, radius, cells.
+    pub plan: Plan,
+    /// Entries of the list.
+    pub pairs: usize,
+    /// [`Plan::gather`].
+    pub gather: Buffer<Gather>,
+    /// [`Plan::tiles`].
+    pub tiles: Buffer<Tile>,
+    /// [`Plan::regions`].
+    pub regions: Buffer<Region>,
+    /// Whole texels; `plan.cells + 1` entries count.
+    pub cell_starts: Buffer<f32>,
+    /// Whole texels; `pairs` entries count.
+    pub tile_photons: Buffer<f32>,
+    /// What takes the place of directions where no photon has one.
+    no_directions: Buffer<PhotonDirection>,
+}
+
+impl Tiles {
+    fn empty(context: &Context) -> Result<Tiles> {
+        Ok(Tiles {
+            plan: Plan::default(),
+            pairs: 0,
+            gather: Buffer::new(context, 1)?,
+            tiles: Buffer::new(context, 0)?,
+            regions: Buffer::new(context, 0)?,
+            cell_starts: Buffer::new(context, 0)?,
+            tile_photons: Buffer::new(context, 0)?,
+            no_directions: Buffer::new(context, 0)?,
+        })
+    }
+
+    /// `PHOTON_PARAMS` of `shim.cl` where photons are gathered by tiles, in their order.
+    pub fn args(&self, stored: &Photons) -> [Arg; 9] {
+        [
+            (&self.gather).into(),
+            (&self.tiles).into(),
+            (&self.regions).into(),
+            (&self.cell_starts).into(),
+            (&self.tile_photons).into(),
+            stored.positions.into(),
+            stored.powers.into(),
+            stored.surfaces.into(),
+            stored.directions.unwrap_or(&self.no_directions).into(),
+        ]
+    }
+
+    /// Bytes held on the device.
+    pub fn bytes(&self) -> usize {
+        self.gather.bytes()
+            + self.tiles.bytes()
+            + self.regions.bytes()
+            + self.cell_starts.bytes()
+            + self.tile_photons.bytes()
+    }
+}
+
+/// A strip's slot as `tiles_seen` writes it: face, lowest x, y, z, highest x, y, z.
+type Slot = [f32; 7];
+
+/// The tile stage: its kernels, its scratch memory and the tiles that it built last.
+pub struct TileStage {
+    seen_kernel: Option<(Features, Kernel)>,
+    count: Kernel,
+    fill: Kernel,
+    photons: Kernel,
+    starts: Kernel,
+    scan: Scan,
+    sort: Sort,
+    objects: Buffer<Object>,
+    lights: Buffer<Light>,
+    frame: Buffer<Frame>,
+    seen: Buffer<Slot>,
+    seen_counts: Buffer<u32>,
+    /// Slots of a strip: grows with the scene.
+    slots: usize,
+    counts: Buffer<u32>,
+    pair_photons: Buffer<u32>,
+    tiles: Tiles,
+}
+
+impl TileStage {
+    /// Builds what does not depend on the scene.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Build`] when the driver refuses a kernel.
+    pub fn new(context: &Context) -> Result<TileStage> {
+        let source = assemble("tiles.cl", None, &Options::default());
+        let grid = assemble("grid.cl", None, &Options::default());
+        Ok(TileStage {
+            seen_kernel: None,
+            count: context.kernel(&source, "tiles_count")?,
+            fill: context.kernel(&source, "tiles_fill")?,
+            photons: context.kernel(&source, "tiles_photons")?,
+            starts: context.kernel(&grid, "grid_starts")?,
+            scan: Scan::new(context)?,
+            sort: Sort::new(context)?,
+            objects: Buffer::new(context, 0)?,
+            lights: Buffer::new(context, 0)?,
+            frame: Buffer::new(context, 1)?,
+            seen: Buffer::new(context, 0)?,
+            seen_counts: Buffer::new(context, 0)?,
+            slots: 8,
+            counts: Buffer::new(context, 0)?,
+            pair_photons: Buffer::new(context, 0)?,
+            tiles: Tiles::empty(context)?,
+        })
+    }
+
+    /// Takes over the scene, and builds the kernel that looks at it where that is not the last one.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Build`] and [`crate::error::Error::Device`] from the driver.
+    pub fn upload(&mut self, context: &Context, packed: &Packed, features: &Features) -> Result<()> {
+        fit(context, &mut self.objects, packed.objects.len())?;
+        fit(context, &mut self.lights, packed.lights.len())?;
+        self.objects.write(context, &packed.objects)?;
+        self.lights.write(context, &packed.lights)?;
+        if self.seen_kernel.as_ref().is_none_or(|(built, _)| built != features) {
+            let options = Options { lanes: context.device.lanes, ..Options::default() };
+            let source = assemble("tiles.cl", Some(features), &options);
+            self.seen_kernel = Some((*features, context.kernel(&source, "tiles_seen")?));
+        }
+        Ok(())
+    }
+
+    /// What each tile sees of each face, in parts.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Device`] when memory is short.
+    ///
+    /// # Panics
+    /// Before [`TileStage::upload`].
+    pub fn seen(&mut self, context: &Context, frame: &Frame, tile: [u32; 2]) -> Result<Vec<Seen>> {
+        let (_, kernel) = self.seen_kernel.as_ref().expect("uploaded before");
+        self.frame.write(context, std::slice::from_ref(frame))?;
+        let tiles = tiles_of(frame, tile);
+        // A CPU's work-item is a long loop of 16 pixels at a time; a GPU wants many of few pixels.
+        let side = if context.device.lanes == 1 { 8 } else { 64 };
+        let strip = tile.map(|pixels| pixels.min(side));
+        let strips = tile[0].div_ceil(strip[0]) * tile[1].div_ceil(strip[1]);
+        let work_items = (tiles[0] * tiles[1] * strips) as usize;
+        fit(context, &mut self.seen_counts, work_items)?;
+        let samples = frame.samples.max(1.0) as usize;
+        loop {
+            // No strip sees more faces than it has rays.
+            let slots = self.slots.min(strip[0] as usize * strip[1] as usize * samples);
+            fit(context, &mut self.seen, work_items * slots)?;
+            let args = [
+                (&self.frame).into(),
+                (&self.objects).into(),
+                (&self.lights).into(),
+                (&self.seen).into(),
+                (&self.seen_counts).into(),
+                (tile[0] as i32).into(),
+                (tile[1] as i32).into(),
+                (tiles[0] as i32).into(),
+                ((tiles[0] * tiles[1]) as i32).into(),
+                (strip[0] as i32).into(),
+                (strip[1] as i32).into(),
+                (slots as i32).into(),
+            ];
+            context.launch(kernel, &args, &[work_items], None)?;
+            let mut counts = vec![0; work_items];
+            self.seen_counts.read(context, &mut counts)?;
+            if counts.iter().any(|used| *used as usize > slots) {
+                self.slots *= 4;
+                continue;
+            }
+            let mut boxes = vec![Slot::default(); work_items * slots];
+            self.seen.read(context, &mut boxes)?;
+            let mut seen = Vec::new();
+            for (number, (used, slots)) in counts.iter().zip(boxes.chunks(slots)).enumerate() {
+                let tile = number as u32 / strips;
+                seen.extend(slots[..*used as usize].iter().map(|&[face, a, b, c, d, e, f]| Seen {
+                    tile,
+                    face: face as u32,
+                    bounds: Bounds { low: [a, b, c], high: [d, e, f] },
+                }));
+            }
+            return Ok(seen);
+        }
+    }
+
+    /// Sorts a photon map into the tiles of a view. The host waits for what tiles see and for the lists' length; the
+    /// queue is in order.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Usage`] when floats cannot count the lists' entries; [`crate::error::Error::Device`]
+    /// when memory is short.
+    pub fn build(
+        &mut self,
+        context: &Context,
+        objects: &[Object],
+        frame: &Frame,
+        photons: &Photons,
+        wanted: &Wanted,
+    ) -> Result<&Tiles> {
+        let seen = self.seen(context, frame, wanted.tile)?;
+        let plan = plan(objects, frame, seen, photons.count, wanted)?;
+        self.fill(context, plan, frame, photons)
+    }
+
+    /// The same for tiles that are laid out.
+    ///
+    /// # Errors
+    /// As [`TileStage::build`].
+    pub fn fill(&mut self, context: &Context, plan: Plan, frame: &Frame, photons: &Photons) -> Result<&Tiles> {
+        self.frame.write(context, std::slice::from_ref(frame))?;
+        let tiles = &mut self.tiles;
+        fit(context, &mut tiles.tiles, plan.tiles.len())?;
+        fit(context, &mut tiles.regions, plan.regions.len())?;
+        fit(context, &mut tiles.cell_starts, (plan.cells + 1).next_multiple_of(TEXEL))?;
+        tiles.tiles.write(context, &plan.tiles)?;
+        tiles.regions.write(context, &plan.regions)?;
+        tiles.gather.write(context, &[plan.gather])?;
+
+        // How many regions each run of photons enters, and in all.
+        let (items, per_item) = share(context, photons.count);
+        fit(context, &mut self.counts, items)?;
+        let common: [Arg; 7] = [
+            (&self.frame).into(),
+            (&tiles.gather).into(),
+            (&tiles.tiles).into(),
+            (&tiles.regions).into(),
+            photons.positions.into(),
+            photons.surfaces.into(),
+            (plan.size[1] as i32).into(),
+        ];
+        let run: [Arg; 2] = [(photons.count as i32).into(), (per_item as i32).into()];
+        let args = [&common[..], &[(&self.counts).into(), run[0], run[1]]].concat();
+        context.launch(&self.count, &args, &[items], None)?;
+        let mut counts = vec![0u32; items];
+        self.counts.read(context, &mut counts)?;
+        // In 64 bits: what is refused may not fit into the scan's 32.
+        let pairs = counts.iter().map(|count| u64::from(*count)).sum();
+        check_pairs(pairs, &plan)?;
+        let pairs = pairs as usize;
+        self.scan.exclusive(context, &self.counts, items)?;
+
+        // The pairs, sorted by cell.
+        fit(context, &mut self.pair_photons, pairs)?;
+        fit(context, &mut tiles.tile_photons, pairs.next_multiple_of(TEXEL))?;
+        self.sort.reserve(context, pairs)?;
+        let places: [Arg; 5] =
+            [(&self.counts).into(), run[0], run[1], (&self.sort.keys[0]).into(), (&self.pair_photons).into()];
+        context.launch(&self.fill, &[&common[..], &places].concat(), &[items], None)?;
+        let sorted = self.sort.sort(context, pairs, plan.cells)?;
+        let (items, per_item) = share(context, pairs);
+        let tail: [Arg; 2] = [(pairs as i32).into(), (per_item as i32).into()];
+        let keys: Arg = (&self.sort.keys[sorted]).into();
+        let args = [keys, (&tiles.cell_starts).into(), tail[0], (plan.cells as i32).into(), tail[1]];
+        // One place more than there are pairs: it ends the last cell.
+        context.launch(&self.starts, &args, &[(pairs + 1).div_ceil(per_item)], None)?;
+        let order: Arg = (&self.sort.values[sorted]).into();
+        let args = [order, (&self.pair_photons).into(), (&tiles.tile_photons).into(), tail[0], tail[1]];
+        context.launch(&self.photons, &args, &[items], None)?;
+        tiles.plan = plan;
+        tiles.pairs = pairs;
+        Ok(&self.tiles)
+    }
+
+    /// The tiles that were built last.
+    pub fn tiles(&self) -> &Tiles {
+        &self.tiles
+    }
+
+    /// Bytes held on the device, scratch included.
+    pub fn bytes(&self) -> usize {
+        self.tiles.bytes()
+            + self.sort.bytes()
+            + self.seen.bytes()
+            + self.seen_counts.bytes()
+            + self.counts.bytes()
+            + self.pair_photons.bytes()
+    }
+}
