@@ -49,6 +49,7 @@ struct Table {
 struct Report {
     scene: String,
     permutation: Vec<&'static str>,
+    stages: Vec<Reason>,
     features: Vec<Reason>,
     uploads: Vec<Table>,
     bytes: usize,
@@ -99,6 +100,36 @@ fn gathering(scene: &Scene, settings: &Settings, features: &Features, packed: &P
     Ok(Some(Gathering { radius, stored, opengl, opencl }))
 }
 
+/// Which stages a first picture runs, in the pipeline's order.
+fn stages(scene: &Scene, settings: &Settings) -> Vec<Reason> {
+    let objects = scene.spheres.len() + scene.planes.len();
+    let no_photons = match (settings.light, scene.lights.len(), objects) {
+        (LightMode::Direct, ..) => Some("direct light only"),
+        (_, 0, _) => Some("no lights"),
+        (_, _, 0) => Some("no objects"),
+        _ => None,
+    };
+    let mode = if settings.light == LightMode::Photons { "all" } else { "those of at least one bounce" };
+    let amount = match settings.photons.amount {
+        Amount::Paths(paths) => format!("{paths} paths, {mode} stored"),
+        Amount::Stored(photons) => format!("{photons} photons, {mode} stored"),
+    };
+    let of_photons = |stage, why: &str| Reason {
+        feature: stage,
+        used: no_photons.is_none(),
+        why: no_photons.unwrap_or(why).to_string(),
+    };
+    let always = |stage, why: String| Reason { feature: stage, used: true, why };
+    vec![
+        always("compile", "trace.frag in OpenGL, trace.cl in OpenCL, for the features below".into()),
+        always("upload", format!("{objects} objects, {} lights", scene.lights.len())),
+        of_photons("photons", &amount),
+        of_photons("grid or tiles", "photons into the cells that gathering walks through"),
+        of_photons("textures", "in OpenGL: the photon map as RGB32F tables"),
+        always("trace", format!("{} × {} pixels, {} samples each", settings.width, settings.height, settings.samples)),
+    ]
+}
+
 pub fn run(args: &Args) -> Result<()> {
     let scene = args.options.load()?;
     let settings = args.options.settings(&scene);
@@ -122,6 +153,7 @@ pub fn run(args: &Args) -> Result<()> {
     let report = Report {
         scene: scene.name.clone(),
         permutation: features.defines(),
+        stages: stages(&scene, &settings),
         features: reasons,
         bytes: uploads.iter().map(|t| t.bytes).sum(),
         uploads,
@@ -132,7 +164,7 @@ pub fn run(args: &Args) -> Result<()> {
         return Ok(());
     }
     println!("scene {}: {}", report.scene, report.permutation.join(" "));
-    for reason in &report.features {
+    for reason in report.stages.iter().chain(&report.features) {
         println!("  {} {:<20} {}", if reason.used { "used   " } else { "skipped" }, reason.feature, reason.why);
     }
     println!("uploads");

@@ -1,6 +1,6 @@
 //! What is redone after a change, and that the picture follows it.
 
-use photile::change::Stage::{self, Compile, Grid, Photons, Textures, Trace, Upload};
+use photile::change::Stage::{self, Compile, Grid, Photons, Textures, Tiles, Trace, Upload};
 use photile::features::Features;
 use photile::scene::Scene;
 use photile::settings::{Amount, LightMode, Settings};
@@ -36,7 +36,7 @@ fn only_what_changed_is_redone_and_the_picture_is_that_of_a_fresh_start() {
     for mut pipeline in backends() {
         let mut fresh = open(pipeline.backend).unwrap();
         let first = pipeline.render(&scene, &settings).unwrap();
-        assert_eq!(first.skipped, [Photons, Grid, Textures]);
+        assert_eq!(first.skipped, [Photons, Grid, Tiles, Textures]);
         for (what, change, skipped) in CASES {
             let what = format!("{}, {what}", pipeline.backend.name());
             pipeline.render(&scene, &settings).unwrap();
@@ -44,8 +44,8 @@ fn only_what_changed_is_redone_and_the_picture_is_that_of_a_fresh_start() {
             change(&mut changed, &mut changed_settings);
             let found = pipeline.render(&changed, &changed_settings).unwrap();
             // With direct light only, there is never a photon map.
-            let of_photons = |stage: &Stage| [Photons, Grid, Textures].contains(stage);
-            assert!(found.skipped.iter().filter(|stage| of_photons(stage)).count() == 3, "{what}");
+            let of_photons = |stage: &Stage| [Photons, Grid, Tiles, Textures].contains(stage);
+            assert!(found.skipped.iter().filter(|stage| of_photons(stage)).count() == 4, "{what}");
             let others: Vec<Stage> = found.skipped.into_iter().filter(|stage| !of_photons(stage)).collect();
             assert_eq!(others, *skipped, "{what}");
             for (stage, time) in [(Upload, found.times.upload), (Trace, found.times.trace)] {

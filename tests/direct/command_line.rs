@@ -196,7 +196,7 @@ fn without_drivers_the_cpu_renders_and_says_what_is_missing() {
         run.ends(0, &["falling back from opengl", "libegl1", "falling back from opencl", "pocl-opencl-icd", "cpu"]);
     let json = run.json();
     assert_eq!(json["backend"], "cpu");
-    assert_eq!(json["devices"], serde_json::json!({ "opencl": null, "opengl": null }));
+    assert_eq!(json["devices"], serde_json::json!({ "opencl": null, "lanes": null, "opengl": null }));
     let hidden = Image::load(&folder.path().join("out.exr")).unwrap();
     let asked = [&["render", GI_REF, "-o", "cpu.exr", "--backend", "cpu"], &SMALL[..]].concat();
     run_with(folder.path(), &[], &asked).ends(0, &[]);
