@@ -6,7 +6,7 @@ use super::{Measured, Options, Progress, Steps};
 use crate::error::{Error, Result};
 use crate::pipeline::{Machine, Pipeline};
 use crate::scene::Scene;
-use crate::settings::{Amount, Backend, LightMode, Settings};
+use crate::settings::{Amount, Backend, Gather, LightMode, Method, Settings};
 
 /// Name of the backend whose kernels have one lane: what the others are measured by on a CPU.
 const PLAIN: &str = "plain opencl";
@@ -192,7 +192,10 @@ fn measure_stages(scene: &Scene, plan: &Plan, subjects: &mut [Subject], steps: &
 }
 
 fn settings(size: [u32; 2]) -> Settings {
-    Settings { width: size[0], height: size[1], ..Settings::default() }
+    // The grid by name: choosing a gather is no part of what is timed.
+    let default = Settings::default();
+    let gather = Gather { method: Method::Grid, ..default.gather };
+    Settings { width: size[0], height: size[1], gather, ..default }
 }
 
 /// A table with a column a backend, and how many times the plain kernels' time each takes.
