@@ -4,45 +4,7 @@
 // that lanes never wait for the longest path among them. What a lane stores is therefore in path order, and then in
 // bounce order. First every run's photons are counted, then the counts are scanned (scan.cl), then the same walks
 // are made again and write: no photon is lost, and no order depends on scheduling.
-#include "shim.cl"
-#include "incoherent.cl"
-#include "layout"
-#include "shared/vector.glsl"
-#include "shared/random.glsl"
-#include "shared/intersect.glsl"
-#include "shared/scene.glsl"
-#include "shared/bsdf.glsl"
-#include "shared/sampling.glsl"
-
-// What GLSL would hold as globals: emitters, a record a light; emitter_counts, three uints a light: its slots of a
-// round, its first cell of the emission map, its cells; slots: light << SLOTS_LOG2 | rank among the light's own slots.
-#ifndef SLOTS_LOG2
-#define SLOTS_LOG2 12u
-#endif
-#define SLOTS (1u << SLOTS_LOG2)
-#define EMISSION_ROWS (1u << EMISSION_ROWS_LOG2)
-#define EMISSION_COLUMNS (1u << EMISSION_COLUMNS_LOG2)
-#define EMISSION_PARAMS __global const float *emitters, __global const uint *emitter_counts, \
-    __global const uint *slots, __global const uint *emission_cells,
-#define EMISSION emitters, emitter_counts, slots, emission_cells,
-#include "shared/walk.glsl"
-
-// Paths [first_path, end_path) in runs of run_length; `stream` is the hash of seed and pass.
-#define WALK_PARAMS SCENE_PARAMS EMISSION_PARAMS uint first_path, uint end_path, uint run_length, uint stream
-#define FIRST_RUN ((uint)get_global_id(0) * LANES)
-
-// Tables of runs are padded to whole work-items.
-#if LANES == 1
-#define LOAD_RUNS(table) table[FIRST_RUN]
-#define STORE_RUNS(v, table) table[FIRST_RUN] = v
-#else
-#define LOAD_RUNS(table) CONCAT(vload, LANES)(get_global_id(0), table)
-#define STORE_RUNS(v, table) CONCAT(vstore, LANES)(v, get_global_id(0), table)
-#endif
-
-INLINE Uint run_start(Uint run, uint first_path, uint end_path, uint run_length) {
-    return min(run * run_length + first_path, lanes_u(end_path));
-}
+#include "paths.cl"
 
 // counts[run]: photons that each run stores.
 __kernel void photons_count(WALK_PARAMS, __global uint *counts, uint runs) {

@@ -32,6 +32,7 @@ const FILES: &[(&str, &str)] = &[
     ("trace.cl", include_str!("../kernels/trace.cl")),
     ("probe.cl", include_str!("../kernels/probe.cl")),
     ("scan.cl", include_str!("../kernels/scan.cl")),
+    ("paths.cl", include_str!("../kernels/paths.cl")),
     ("photons.cl", include_str!("../kernels/photons.cl")),
     ("sort.cl", include_str!("../kernels/sort.cl")),
     ("grid.cl", include_str!("../kernels/grid.cl")),
@@ -41,7 +42,8 @@ const FILES: &[(&str, &str)] = &[
 
 /// Names that `plan --source` accepts: all that is compiled on its own.
 pub fn units() -> Vec<&'static str> {
-    let whole = |name: &str| !name.contains('/') && !name.starts_with("shim") && name != "incoherent.cl";
+    let whole =
+        |name: &str| !name.contains('/') && !name.starts_with("shim") && !["incoherent.cl", "paths.cl"].contains(&name);
     FILES.iter().map(|(name, _)| *name).filter(|name| whole(name)).collect()
 }
 

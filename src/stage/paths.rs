@@ -1,0 +1,119 @@
+//! What every kernel that walks photon paths needs (`kernels/paths.cl`): the scene as emission sees it, and launches.
+
+use crate::cl::{Arg, Buffer, Context, Kernel};
+use crate::emission::{COLUMNS_LOG2, Emission, Plan, ROWS_LOG2, Sampler};
+use crate::error::Result;
+use crate::layout::{Emitter, Frame, Light, Object};
+use crate::pack::Packed;
+
+/// A scene's lights and objects on the device.
+pub struct Paths {
+    frame: Buffer<Frame>,
+    objects: Buffer<Object>,
+    lights: Buffer<Light>,
+    counts: Buffer<[u32; 3]>,
+    slots: Buffer<u32>,
+    cells: Buffer<u32>,
+    /// How the lights share their paths.
+    pub plan: Plan,
+}
+
+/// Consecutive paths that a launch walks, in runs of `length`, one run a lane.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Range {
+    /// First path.
+    pub first: u32,
+    /// One past the last path.
+    pub end: u32,
+    /// Paths of a run.
+    pub length: u32,
+}
+
+impl Range {
+    /// Long runs waste few lanes at their ends, but there must be enough of them to fill the device. No result depends
+    /// on this.
+    pub fn new(context: &Context, first: u32, end: u32) -> Range {
+        let device = &context.device;
+        // GPUs: twice the 2048 threads that a multiprocessor holds. CPUs: 16 work-items a core to share out evenly.
+        let (wanted, longest) = if device.lanes == 1 { (4096, 4) } else { (16 * device.lanes, 256) };
+        let length = ((end - first) / (device.compute_units.max(1) * wanted)).clamp(1, longest);
+        Range { first, end, length }
+    }
+
+    /// How many runs there are; the last may be shorter.
+    pub fn runs(&self) -> u32 {
+        (self.end - self.first).div_ceil(self.length)
+    }
+}
+
+impl Paths {
+    /// Takes over a scene's records.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Device`] when the device has no room, [`crate::error::Error::Usage`] for too many lights.
+    pub fn new(context: &Context, packed: &Packed) -> Result<Paths> {
+        let plan = Plan::new(packed)?;
+        let frame = Frame {
+            sphere_count: packed.sphere_count as f32,
+            plane_count: packed.plane_count() as f32,
+            light_count: packed.lights.len() as f32,
+            ..Frame::default()
+        };
+        Ok(Paths {
+            frame: Buffer::from_slice(context, &[frame])?,
+            objects: Buffer::from_slice(context, &packed.objects)?,
+            lights: Buffer::from_slice(context, &packed.lights)?,
+            counts: Buffer::from_slice(context, &plan.counts)?,
+            slots: Buffer::from_slice(context, &plan.slots)?,
+            cells: Buffer::from_slice(context, &plan.cells)?,
+            plan,
+        })
+    }
+
+    /// The defines of a walk at these settings.
+    pub fn defines(&self, emission: &Emission) -> Vec<String> {
+        let mut defines = vec![
+            format!("SLOTS_LOG2 {}u", self.plan.slots_log2),
+            format!("EMISSION_ROWS_LOG2 {ROWS_LOG2}u"),
+            format!("EMISSION_COLUMNS_LOG2 {COLUMNS_LOG2}u"),
+        ];
+        let mut add = |on: bool, name: &str| {
+            if on {
+                defines.push(name.into());
+            }
+        };
+        // Not ONE_LIGHT: that is about shading, which has no lights where photons carry all.
+        add(self.plan.counts.len() == 1, "ONE_EMITTER");
+        add(!self.plan.cells.is_empty(), "HAS_EMISSION_MAP");
+        add(emission.store_direct, "STORE_DIRECT");
+        add(emission.sampler == Sampler::Random, "SAMPLER_RANDOM");
+        defines
+    }
+
+    /// Arguments that all such kernels begin with; `scene_tables` come behind the scene's own records.
+    pub fn args(&self, scene_tables: &[Arg], emitters: &Buffer<Emitter>, range: &Range, stream: u32) -> Vec<Arg> {
+        let mut args: Vec<Arg> = vec![(&self.frame).into(), (&self.objects).into(), (&self.lights).into()];
+        args.extend(scene_tables);
+        args.extend([
+            Arg::from(emitters),
+            (&self.counts).into(),
+            (&self.slots).into(),
+            (&self.cells).into(),
+            range.first.into(),
+            range.end.into(),
+            range.length.into(),
+            stream.into(),
+        ]);
+        args
+    }
+}
+
+/// Launches one work-item for each `lanes` runs.
+///
+/// # Errors
+/// [`crate::error::Error::Device`] when the launch is refused.
+pub fn launch(context: &Context, kernel: &Kernel, args: &[Arg], runs: u32) -> Result<()> {
+    let items = runs.div_ceil(context.device.lanes) as usize;
+    let local = if context.device.lanes == 1 { 128 } else { 1 };
+    context.launch(kernel, args, &[items], Some(&[local]))
+}
