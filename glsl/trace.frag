@@ -12,6 +12,9 @@
 #include "shared/cell.glsl"
 #include "shared/tile.glsl"
 #include "shared/gather.glsl"
+#include "shared/sampling.glsl"
+#include "shared/texels.glsl"
+#include "shared/final.glsl"
 #include "shared/pixel.glsl"
 
 out vec4 film;

@@ -6,6 +6,8 @@
 #define FEW_RECORDS 24
 
 #define RECORDS_objects (SPHERE_COUNT + PLANE_COUNT)
+#define RECORDS_charts RECORDS_objects
+#define RECORDS_texels (FEW_RECORDS + 1) // always more than a few
 #define RECORDS_emitters count_of(frame_light_count())
 
 INLINE Vec3 select3(__global const float *field, Int record, int stride, int records) {

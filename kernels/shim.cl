@@ -224,6 +224,20 @@ void store_block(__global float *film, int column, int row, int width, int heigh
 #endif
 }
 
+// Writes the lanes' values as packed triples one after the other, from `first` on and below `end`.
+void store_run(__global float *table, int first, int end, Vec3 v) {
+#if LANES == 1
+    if (first < end) vstore3(v, first, table);
+#else
+    float x[LANES], y[LANES], z[LANES];
+    CONCAT(vstore, LANES)(v.x, 0, x);
+    CONCAT(vstore, LANES)(v.y, 0, y);
+    CONCAT(vstore, LANES)(v.z, 0, z);
+    int count = min(LANES, end - first);
+    for (int lane = 0; lane < count; lane++) vstore3((float3)(x[lane], y[lane], z[lane]), first + lane, table);
+#endif
+}
+
 // What GLSL holds as globals is passed along.
 #if defined(GATHER_TILES)
 #define PHOTON_PARAMS __global const float *gather, __global const float *tiles, __global const float *regions, \
@@ -239,10 +253,21 @@ void store_block(__global float *film, int column, int row, int width, int heigh
     __global const float *photon_surfaces, __global const float *photon_directions,
 #define PHOTONS gather, faces, cell_starts, photon_cells, \
     photon_positions, photon_powers, photon_surfaces, photon_directions,
+#elif defined(HAS_SITES)
+#define PHOTON_PARAMS CHART_PARAMS __global const float *lattice, __global const float *texels, \
+    __global const float *sites, __global const float *site_surfaces,
+#define PHOTONS charts, lattice, texels, sites, site_surfaces,
+#elif defined(HAS_FINAL_GATHER)
+#define PHOTON_PARAMS CHART_PARAMS __global const float *lattice, __global const float *texels,
+#define PHOTONS charts, lattice, texels,
+#elif defined(HAS_CHARTS)
+#define PHOTON_PARAMS CHART_PARAMS
+#define PHOTONS charts,
 #else
 #define PHOTON_PARAMS
 #define PHOTONS
 #endif
+#define CHART_PARAMS __global const float *charts,
 #define SCENE_PARAMS __global const float *frame, __global const float *objects, __global const float *lights, \
     PHOTON_PARAMS
 #define SCENE frame, objects, lights, PHOTONS

@@ -22,8 +22,10 @@ impl Change {
     pub const PHOTONS: Change = Change(32);
     /// How photons are gathered: radius, method, kernel, cells.
     pub const GATHER: Change = Change(64);
+    /// Which technique makes radiance of photons.
+    pub const TECHNIQUE: Change = Change(128);
     /// All of it: the first picture.
-    pub const ALL: Change = Change(127);
+    pub const ALL: Change = Change(255);
 
     /// Both sets together.
     pub fn and(self, other: Change) -> Change {
@@ -75,6 +77,7 @@ const TABLE: &[(Change, &[Stage])] = &[
     (Change::LIGHTS, &[Stage::Upload, Stage::Photons, Stage::Grid, Stage::Tiles, Stage::Textures, Stage::Trace]),
     (Change::PHOTONS, &[Stage::Photons, Stage::Grid, Stage::Tiles, Stage::Textures, Stage::Trace]),
     (Change::GATHER, &[Stage::Compile, Stage::Grid, Stage::Tiles, Stage::Textures, Stage::Trace]),
+    (Change::TECHNIQUE, &[Stage::Compile, Stage::Photons, Stage::Grid, Stage::Tiles, Stage::Textures, Stage::Trace]),
     (Change::CAMERA, &[Stage::Tiles, Stage::Trace]),
 ];
 

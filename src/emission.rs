@@ -162,6 +162,28 @@ impl Plan {
     }
 }
 
+/// Power in whole quanta, so that sums of photons do not depend on their order.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Quanta {
+    /// Quanta of a watt.
+    pub per_watt: f32,
+    /// A quantum, watts.
+    pub watts: f32,
+}
+
+impl Quanta {
+    /// Quanta so small that 32 bits just hold all photons of `paths` paths in one place, 16 of each.
+    pub fn of(emitters: &[Emitter], paths: u32) -> Quanta {
+        let largest = emitters.iter().map(|e| e.power).fold(0.0, f32::max);
+        if largest <= 0.0 {
+            return Quanta { per_watt: 0.0, watts: 0.0 };
+        }
+        // A power of two: dividing by it is exact.
+        let of_a_photon = ((1u64 << 28) / u64::from(paths).next_power_of_two()).clamp(1, 1 << 14) as f32;
+        Quanta { per_watt: of_a_photon / largest, watts: largest / of_a_photon }
+    }
+}
+
 /// Whether some direction of a cell, seen from a light, can hit some object; in doubt, yes.
 fn can_hit(packed: &Packed, light: DVec3, cell: u32) -> bool {
     let (axis, half_angle) = bounding_cone(cell);

@@ -299,6 +299,80 @@ record! {
     }
 }
 
+record! {
+    /// How an object's surface is cut into irradiance texels. See `texels.glsl`.
+    Chart, "chart" in "charts" {
+        /// Plane: its first coordinate is `dot(axis_u, p) + offset_u`; scene space, 1/m. Sphere: zero.
+        axis_u: [f32; 3],
+        /// The second one's.
+        axis_v: [f32; 3],
+        /// See `axis_u`.
+        offset_u: f32,
+        /// See `axis_v`.
+        offset_v: f32,
+        /// 1: coordinates x are bent to x/(1 + |x|), for planes without an end; 0: they lie in [−1, 1] already.
+        bend: f32,
+        /// The first texel, of the side that the object's own normal points to; the other side's follow.
+        first: f32,
+        /// Texels along the first coordinate.
+        columns: f32,
+        /// Texels along the second one.
+        rows: f32,
+    }
+}
+
+record! {
+    /// What an irradiance texel knows.
+    Texel, "texel" in "texels" {
+        /// Irradiance by photons of at least one bounce, W/m².
+        irradiance: [f32; 3],
+    }
+}
+
+record! {
+    /// The lattice of sites at which irradiance is gathered for the pixels around. See `final.glsl`.
+    Lattice, "lattice" in "lattice" {
+        /// Where the lattice begins on the image plane, pixels, below `spacing`.
+        offset_x: f32,
+        /// Below.
+        offset_y: f32,
+        /// Pixels from site to site.
+        spacing: f32,
+        /// Sites in a row.
+        columns: f32,
+        /// Rows of sites.
+        rows: f32,
+        /// Rays of a site, and of a pixel that gathers for itself.
+        rays: f32,
+        /// Number of the first of them in their sequence.
+        first_ray: f32,
+        /// Low 16 bits of the key of all sites' sequences.
+        key_low: f32,
+        /// Its high 16 bits.
+        key_high: f32,
+    }
+}
+
+record! {
+    /// A site's irradiance.
+    Site, "site" in "sites" {
+        /// Indirect irradiance, W/m².
+        irradiance: [f32; 3],
+    }
+}
+
+record! {
+    /// What a site lies on.
+    SiteSurface, "site_surface" in "site_surfaces" {
+        /// 2·object + (0 | 1), −1 where the site's ray hit nothing.
+        face: f32,
+        /// Octahedral coordinates of the normal.
+        normal_u: f32,
+        /// The second one.
+        normal_v: f32,
+    }
+}
+
 /// Lists of plain numbers, three to a texel: the table's name and its accessor. `cell_starts[c]` is the first sorted
 /// photon of cell c; a cell ends where the next one begins. `tile_photons[i]` is the number of the photon at place i of
 /// the tiles' lists, which `cell_starts` divides into cells where photons are gathered by tiles.
@@ -349,6 +423,11 @@ pub const RECORDS: &[Declaration] = &[
     declare::<PhotonSurface>(false, 0),
     declare::<PhotonDirection>(false, 0),
     declare::<PhotonCell>(false, 0),
+    declare::<Chart>(false, 0),
+    declare::<Texel>(false, 0),
+    declare::<Lattice>(true, 0),
+    declare::<Site>(false, 0),
+    declare::<SiteSurface>(false, 0),
 ];
 
 /// The accessors as `#define`s: `object_color(i)` where lanes may ask for different records, and

@@ -20,6 +20,7 @@ pub mod bench;
 pub mod pipeline;
 
 pub mod choice;
+pub mod lattice;
 pub mod radius;
 pub mod reference;
 pub mod validate;
@@ -32,6 +33,7 @@ pub mod gl;
 
 pub mod cells;
 pub mod change;
+pub mod charts;
 pub mod emission;
 pub mod features;
 pub mod film;

@@ -14,14 +14,16 @@ use crate::features::{Features, is_divided};
 use crate::film::Image;
 use crate::gathering::Gathering;
 use crate::gl::{self, Headless};
-use crate::layout::Frame;
+use crate::lattice::lattice;
+use crate::layout::{Frame, Lattice};
 use crate::pack::Packed;
 use crate::radius;
 use crate::scene::Scene;
-use crate::settings::{Backend, Gather, LightMode, Method, Settings};
+use crate::settings::{Backend, Gather, LightMode, Method, Settings, Technique};
 use crate::stage::grid::Wanted;
-use crate::stage::map::{MapCounts, MapStage};
-use crate::stage::trace::{ClTrace, CpuTrace, GlTrace, Permutation, Trace};
+use crate::stage::irradiance::{IrradianceStage, IrradianceView};
+use crate::stage::map::{MapCounts, MapStage, MapView};
+use crate::stage::trace::{ClTrace, CpuTrace, GlTrace, Indirect, Permutation, Trace};
 use crate::tiling;
 
 /// Where a picture shall be made.
@@ -126,6 +128,7 @@ pub struct Pipeline {
     // Declared before `context`, so that GL objects go before their context.
     tracer: Box<dyn Trace>,
     map: MapStage,
+    irradiance: IrradianceStage,
     context: Option<Headless>,
     /// What was chosen.
     pub backend: Backend,
@@ -156,7 +159,7 @@ impl Pipeline {
     fn open_on(backend: Backend, machine: &Machine, notice: &mut dyn FnMut(&str)) -> Result<Pipeline> {
         let mut devices = Devices::default();
         let mut context = None;
-        let (tracer, map): (Box<dyn Trace>, MapStage) = match backend {
+        let (tracer, map, irradiance): (Box<dyn Trace>, MapStage, IrradianceStage) = match backend {
             Backend::OpenGl => {
                 let headless = Headless::new()?;
                 // A driver may be there and yet draw nothing: then the next backend is tried.
@@ -164,30 +167,34 @@ impl Pipeline {
                 devices.opengl = Some(format!("{} ({})", headless.renderer, headless.route));
                 let tracer = GlTrace::new(&headless.gl, headless.is_software)?;
                 context = Some(headless);
-                let map = match open_lanes(machine, notice) {
+                let (map, irradiance) = match open_lanes(machine, notice) {
                     Ok(opened) => {
                         devices.name_opencl(&opened);
-                        MapStage::on_device(Rc::new(opened))?
+                        let opened = Rc::new(opened);
+                        (MapStage::on_device(Rc::clone(&opened))?, IrradianceStage::on_device(opened))
                     }
                     Err(error @ Error::Usage(_)) => return Err(error),
                     Err(error) => {
                         notice(&format!("photons come from the CPU: {error}"));
-                        MapStage::on_host(threads(machine)?)
+                        let pool = threads(machine)?;
+                        (MapStage::on_host(Rc::clone(&pool)), IrradianceStage::on_host(pool))
                     }
                 };
-                (Box::new(tracer), map)
+                (Box::new(tracer), map, irradiance)
             }
             Backend::OpenCl => {
                 let opened = Rc::new(open_lanes(machine, notice)?);
                 devices.name_opencl(&opened);
-                (Box::new(ClTrace::new(Rc::clone(&opened))?), MapStage::on_device(opened)?)
+                let tracer = Box::new(ClTrace::new(Rc::clone(&opened))?);
+                (tracer, MapStage::on_device(Rc::clone(&opened))?, IrradianceStage::on_device(opened))
             }
             Backend::Cpu => {
                 let pool = threads(machine)?;
-                (Box::new(CpuTrace::new(Rc::clone(&pool))), MapStage::on_host(pool))
+                let tracer = Box::new(CpuTrace::new(Rc::clone(&pool)));
+                (tracer, MapStage::on_host(Rc::clone(&pool)), IrradianceStage::on_host(pool))
             }
         };
-        Ok(Pipeline { tracer, map, context, backend, devices, last: None })
+        Ok(Pipeline { tracer, map, irradiance, context, backend, devices, last: None })
     }
 
     /// Renders a picture, redoing only what changed since the last one.
@@ -222,7 +229,21 @@ impl Pipeline {
         let frame = packed.frame(&scene.camera, settings);
         let mut gathering = None;
         let mut uploads = 0;
-        if wants_photons {
+        let final_gather = match settings.technique {
+            Technique::FinalGather(gather) if wants_photons => Some(gather),
+            _ => None,
+        };
+        let wants_map = wants_photons && final_gather.is_none();
+        if let (Some(_), true) = (final_gather, stale(Stage::Photons)) {
+            let emission = emission(settings);
+            if stale(Stage::Upload) || stale(Stage::Compile) {
+                self.irradiance.upload(&packed, &features, &emission)?;
+                times.compile += lap.ms();
+            }
+            photons = Some(self.irradiance.emit(&emission)?);
+            times.emit = lap.ms();
+        }
+        if wants_map {
             if stale(Stage::Photons) {
                 let emission = emission(settings);
                 self.map.upload(&packed, &features, &emission)?;
@@ -259,34 +280,45 @@ impl Pipeline {
         }
         if stale(Stage::Compile) || stale(Stage::Grid) {
             // A new map may take the grid's other form; what was built before is found again.
-            self.tracer.compile(&Permutation { features, gathering })?;
+            let final_gather = final_gather.map(|gather| gather.spacing > 1);
+            self.tracer.compile(&Permutation { features, gathering, final_gather })?;
             times.compile += lap.ms();
         }
-        let view = if wants_photons { self.map.view() } else { None };
+        let view = if wants_map { self.map.view() } else { None };
+        let irradiance = final_gather.and_then(|_| self.irradiance.view());
+        if let (true, Some(view)) = (stale(Stage::Textures), &irradiance) {
+            uploads = self.tracer.upload_irradiance(view)?;
+            times.upload += lap.ms();
+        }
         if let (true, Some(view), Some(gathering)) = (stale(Stage::Textures), &view, &gathering) {
             uploads = self.tracer.upload_map(view, gathering)?;
             times.upload += lap.ms();
         }
-        if let (true, Some(view)) = (wants_photons && chosen.method.is_tiled() && stale(Stage::Tiles), &view) {
+        if let (true, Some(view)) = (wants_map && chosen.method.is_tiled() && stale(Stage::Tiles), &view) {
             uploads += self.tracer.upload_tiles(view)?;
             times.upload += lap.ms();
         }
         if stale(Stage::Trace) {
-            self.tracer.trace(&frame, view.as_ref())?;
+            let lattice = final_gather.map(|gather| lattice(settings, &gather));
+            self.tracer.trace(&frame, indirect(&view, &irradiance, &lattice))?;
             times.trace = lap.ms();
         }
         let image = self.tracer.read()?;
         times.readback = lap.ms();
         times.total = start.elapsed().as_secs_f64() * 1e3;
 
-        let of_photons = [Stage::Photons, Stage::Grid, Stage::Tiles, Stage::Textures];
+        let of_photons = [Stage::Photons, Stage::Textures];
         let unwanted = if chosen.method.is_tiled() { Stage::Grid } else { Stage::Tiles };
-        let wanted = |stage: &Stage| !of_photons.contains(stage) || wants_photons && *stage != unwanted;
+        let of_map = [Stage::Grid, Stage::Tiles];
+        let wanted = |stage: &Stage| match of_map.contains(stage) {
+            true => wants_map && *stage != unwanted,
+            false => wants_photons || !of_photons.contains(stage),
+        };
         let done = |stage: &Stage| stale(*stage) && wanted(stage);
         let skipped = Stage::ALL.into_iter().filter(|stage| !done(stage)).collect();
-        let radius = wants_photons.then_some(chosen.radius);
+        let radius = wants_map.then_some(chosen.radius);
         self.last = Some(Last { scene: scene.clone(), settings: settings.clone(), features, packed, photons, chosen });
-        let method = wants_photons.then_some(chosen.method);
+        let method = wants_map.then_some(chosen.method);
         Ok(Rendering { image, times, skipped, photons, method, radius, uploads })
     }
 
@@ -300,9 +332,15 @@ impl Pipeline {
         }
         self.make_current()?;
         let Some(last) = &self.last else { return Ok(0.0) };
-        let view = last.photons.and_then(|_| self.map.view());
+        let final_gather = match settings.technique {
+            Technique::FinalGather(gather) => Some(gather),
+            Technique::Map => None,
+        };
+        let view = last.photons.filter(|_| final_gather.is_none()).and_then(|_| self.map.view());
+        let irradiance = last.photons.and(final_gather).and_then(|_| self.irradiance.view());
+        let lattice = final_gather.map(|gather| lattice(settings, &gather));
         let mut lap = Lap::new();
-        self.tracer.trace(&last.packed.frame(&scene.camera, settings), view.as_ref())?;
+        self.tracer.trace(&last.packed.frame(&scene.camera, settings), indirect(&view, &irradiance, &lattice))?;
         Ok(lap.ms())
     }
 
@@ -335,13 +373,17 @@ impl Pipeline {
 
     /// Bytes held on the device.
     pub fn bytes(&self) -> usize {
-        self.tracer.bytes() + self.map.bytes()
+        self.tracer.bytes() + self.map.bytes() + self.irradiance.bytes()
     }
 
     /// What changed since the last picture.
     fn change(&self, scene: &Scene, settings: &Settings) -> Change {
         let Some(last) = &self.last else { return Change::ALL };
         let (before, was) = (&last.scene, &last.settings);
+        let technique = |s: &Settings| match s.technique {
+            Technique::Map => (false, false),
+            Technique::FinalGather(gather) => (true, gather.spacing > 1),
+        };
         let size = |s: &Settings| (s.width, s.height, s.samples, s.first_sample, s.seed);
         let emitted = |s: &Settings| (s.photons, s.seed, s.light);
         Change::CAMERA
@@ -351,6 +393,9 @@ impl Pipeline {
             .and(Change::GEOMETRY.when(before.spheres != scene.spheres || before.planes != scene.planes))
             .and(Change::PHOTONS.when(emitted(was) != emitted(settings)))
             .and(Change::GATHER.when(was.gather != settings.gather))
+            // Another technique has tables of its own; another pass of the same one has another lattice.
+            .and(Change::TECHNIQUE.when(technique(was) != technique(settings)))
+            .and(Change::CAMERA.when(was.technique != settings.technique))
             // Moving the camera can put a plane between it and the lights, which gathering has to know.
             .and(Change::FEATURES.when(is_divided(before) != is_divided(scene)))
             .and(Change::FEATURES.when(last.features != Features::of(scene, settings)))
@@ -361,6 +406,19 @@ impl Drop for Pipeline {
     fn drop(&mut self) {
         // GL objects go next and belong to this context. An error means that it is gone already, and they with it.
         let _ = self.make_current();
+    }
+}
+
+/// Where the indirect light comes from, of what there is.
+fn indirect<'a>(
+    map: &'a Option<MapView>,
+    irradiance: &'a Option<IrradianceView>,
+    lattice: &'a Option<Lattice>,
+) -> Indirect<'a> {
+    match (map, irradiance, lattice) {
+        (_, Some(irradiance), Some(lattice)) => Indirect::Final(irradiance, lattice),
+        (Some(map), ..) => Indirect::Map(map),
+        _ => Indirect::None,
     }
 }
 

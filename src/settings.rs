@@ -133,6 +133,27 @@ pub enum Sampler {
     Random,
 }
 
+/// How indirect light becomes radiance.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Technique {
+    /// Density estimates of the photon map at visible points.
+    #[default]
+    Map,
+    /// A bounce of rays, which see the rest in irradiance texels.
+    FinalGather(FinalGather),
+}
+
+/// Settings of final gathering.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FinalGather {
+    /// Rays of a site in one pass.
+    pub rays: u32,
+    /// Pixels from site to site; 1: every sample of a pixel is a site of its own.
+    pub spacing: u32,
+    /// Number of a site's first ray, so that passes continue one sequence.
+    pub first_ray: u32,
+}
+
 /// Settings of one picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
@@ -152,6 +173,8 @@ pub struct Settings {
     pub photons: Photons,
     /// How they become radiance.
     pub gather: Gather,
+    /// Which technique is used for it.
+    pub technique: Technique,
 }
 
 /// Settings of the photon map.
@@ -200,6 +223,7 @@ impl Default for Settings {
                 cells: None,
                 tile: None,
             },
+            technique: Technique::default(),
         }
     }
 }

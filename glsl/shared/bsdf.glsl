@@ -1,6 +1,7 @@
 // f = kd·c/π + ks·D·G/(4 cosθi cosθo): Lambert and GGX with separable Smith G, Fresnel 1 (DESIGN §2).
 // Walter et al., "Microfacet Models for Refraction through Rough Surfaces", EGSR 2007.
 
+#define PI 3.14159265f
 #define INV_PI 0.318309886f
 
 #ifdef HAS_GLOSSY

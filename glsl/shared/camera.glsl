@@ -21,15 +21,30 @@ Vec3 camera_direction(SCENE_PARAMS Real x, Real y) {
     return normalize3(d);
 }
 
-// Unit direction of one of a pixel's samples, counted from the picture's first.
-Vec3 sample_direction(SCENE_PARAMS Int column, Int row, int number) {
+// Where on the image plane one of a pixel's samples lies, counted from the picture's first; and the pixel's key.
+STRUCT(Sample)
+struct Sample {
+    Real x;
+    Real y;
+    Uint key;
+};
+
+Sample sample_point(SCENE_PARAMS Int column, Int row, int number) {
+    Sample at;
+    at.key = hash2_u(to_uint(column), to_uint(row) ^ FRAME_SEED);
 #ifdef ONE_SAMPLE
-    return camera_direction(SCENE to_real(column) + 0.5f, to_real(row) + 0.5f);
+    at.x = to_real(column) + 0.5f;
+    at.y = to_real(row) + 0.5f;
 #else
-    Uint pixel_key = hash2_u(to_uint(column), to_uint(row) ^ FRAME_SEED);
     Uint index = to_uint(lanes_i(count_of(frame_first_sample()) + number));
-    Real x = to_real(column) + jitter_x(index, pixel_key);
-    Real y = to_real(row) + jitter_y(index, pixel_key);
-    return camera_direction(SCENE x, y);
+    at.x = to_real(column) + jitter_x(index, at.key);
+    at.y = to_real(row) + jitter_y(index, at.key);
 #endif
+    return at;
+}
+
+// Unit direction of one of a pixel's samples.
+Vec3 sample_direction(SCENE_PARAMS Int column, Int row, int number) {
+    Sample at = sample_point(SCENE column, row, number);
+    return camera_direction(SCENE at.x, at.y);
 }

@@ -1,7 +1,9 @@
 // One pixel's radiance: the mean over its samples of what the camera sees.
 
 // `tile` is the pixel's, where photons are gathered by tiles.
-Vec3 radiance_along(SCENE_PARAMS Vec3 origin, Vec3 direction, Int tile) {
+Vec3 radiance_along(SCENE_PARAMS Sample at, Int tile) {
+    Vec3 origin = frame_position();
+    Vec3 direction = camera_direction(SCENE at.x, at.y);
     Vec3 radiance = make3(lanes(0.0f), lanes(0.0f), lanes(0.0f));
 #ifdef HAS_OBJECTS
     Hit hit = closest_hit(SCENE origin, direction, lanes_i(NO_OBJECT));
@@ -18,6 +20,10 @@ Vec3 radiance_along(SCENE_PARAMS Vec3 origin, Vec3 direction, Int tile) {
         radiance = direct_light(SCENE surface, negate3(direction));
 #ifdef HAS_PHOTONS
         radiance = add3(radiance, photon_radiance(SCENE surface, negate3(direction), visible, tile));
+#endif
+#ifdef HAS_FINAL_GATHER
+        Vec3 diffuse = scale3(object_color(hit.object), object_diffuse(hit.object) * INV_PI);
+        radiance = add3(radiance, mul3(diffuse, indirect_irradiance(SCENE surface, visible, at.x, at.y, at.key)));
 #endif
 #ifdef HAS_AMBIENT
 #ifdef SLICED
@@ -38,12 +44,12 @@ Vec3 pixel_radiance(SCENE_PARAMS Int column, Int row) {
     Int tile = lanes_i(0);
 #endif
 #ifdef ONE_SAMPLE
-    return radiance_along(SCENE frame_position(), sample_direction(SCENE column, row, 0), tile);
+    return radiance_along(SCENE sample_point(SCENE column, row, 0), tile);
 #else
     Vec3 sum = make3(lanes(0.0f), lanes(0.0f), lanes(0.0f));
     int samples = count_of(frame_samples());
     for (int s = 0; s < samples; s++)
-        sum = add3(sum, radiance_along(SCENE frame_position(), sample_direction(SCENE column, row, s), tile));
+        sum = add3(sum, radiance_along(SCENE sample_point(SCENE column, row, s), tile));
     return scale3(sum, lanes(1.0f / float_of(samples)));
 #endif
 }

@@ -30,18 +30,18 @@ pub fn camera_direction(frame: &Frame, x: f32, y: f32) -> Vec3 {
 
 /// Unit direction of one of a pixel's samples, counted from the picture's first. `one_sample`: the pixel's centre.
 pub fn sample_direction(frame: &Frame, one_sample: bool, column: u32, row: u32, number: u32) -> Vec3 {
-    let (x, y) = sample_point(frame, one_sample, column, row, number);
+    let (x, y, _) = sample_point(frame, one_sample, column, row, number);
     camera_direction(frame, x, y)
 }
 
-/// Where that sample lies on the image plane, in pixels from the image's top left corner.
-pub fn sample_point(frame: &Frame, one_sample: bool, column: u32, row: u32, number: u32) -> (f32, f32) {
+/// Where that sample lies on the image plane, in pixels from the image's top left corner; and the pixel's key.
+pub fn sample_point(frame: &Frame, one_sample: bool, column: u32, row: u32, number: u32) -> (f32, f32, u32) {
     let (x, y) = (column as f32, row as f32);
-    if one_sample {
-        return (x + 0.5, y + 0.5);
-    }
     let seed = frame.seed_low as u32 | (frame.seed_high as u32) << 16;
-    let pixel_key = hash2_u(column, row ^ seed);
+    let key = hash2_u(column, row ^ seed);
+    if one_sample {
+        return (x + 0.5, y + 0.5, key);
+    }
     let index = frame.first_sample as u32 + number;
-    (x + jitter_x(index, pixel_key), y + jitter_y(index, pixel_key))
+    (x + jitter_x(index, key), y + jitter_y(index, key), key)
 }

@@ -16,7 +16,7 @@ const NUDGE: f32 = 0.01;
 pub fn is_on_edge(scene: &SceneTables, frame: &Frame, column: u32, row: u32) -> bool {
     let one_sample = scene.features.one_sample;
     let samples = if one_sample { 1 } else { frame.samples as u32 };
-    (0..samples).map(|number| sample_point(frame, one_sample, column, row, number)).any(|(x, y)| {
+    (0..samples).map(|number| sample_point(frame, one_sample, column, row, number)).any(|(x, y, _)| {
         let here = seen(scene, frame, x, y);
         let around = [(-NUDGE, -NUDGE), (NUDGE, -NUDGE), (-NUDGE, NUDGE), (NUDGE, NUDGE)];
         around.into_iter().any(|(dx, dy)| seen(scene, frame, x + dx, y + dy) != here)

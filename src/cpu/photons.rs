@@ -3,8 +3,8 @@
 use rayon::prelude::*;
 
 use super::random::hash2_u;
-use super::scene::SceneTables;
-use super::walk::{emit_photon, scatter};
+use super::scene::{SceneTables, Surface};
+use super::walk::{Photon, emit_photon, scatter};
 use crate::emission::{Amount, Emission, Plan};
 use crate::error::{Error, Result};
 use crate::layout::{Emitter, PhotonDirection, PhotonPosition, PhotonPower, PhotonSurface};
@@ -40,6 +40,29 @@ pub fn fruitless(wanted: u32, stored: u64, paths: u32) -> Error {
     ))
 }
 
+/// Walks one path and shows every photon that it deposits, with the surface that it lies on.
+pub fn walk_photons(
+    scene: &SceneTables,
+    plan: &Plan,
+    emitters: &[Emitter],
+    emission: &Emission,
+    path: u32,
+    stream: u32,
+    mut deposit: impl FnMut(&Photon, &Surface),
+) {
+    let mut next = Some(emit_photon(plan, emitters, emission.sampler, path, stream));
+    while let Some(photon) = next {
+        let Some(hit) = scene.closest_hit(photon.position, photon.direction, photon.object) else { break };
+        let surface = scene.surface_at(photon.position, photon.direction, hit);
+        let object = &scene.objects[surface.object];
+        let keeps = object.diffuse > 0.0 || (object.specular > 0.0 && object.roughness > 0.0);
+        if keeps && (emission.store_direct || photon.bounce > 0) {
+            deposit(&photon, &surface);
+        }
+        next = scatter(scene, &photon, &surface);
+    }
+}
+
 /// Walks paths `[first, end)` and stores.
 pub fn walk_paths(
     scene: &SceneTables,
@@ -52,23 +75,15 @@ pub fn walk_paths(
     let mut map = PhotonTables { emitted: end - first, ..PhotonTables::default() };
     let stream = stream_of(emission.seed, emission.pass);
     for path in first..end {
-        let mut next = Some(emit_photon(plan, emitters, emission.sampler, path, stream));
-        while let Some(photon) = next {
-            let Some(hit) = scene.closest_hit(photon.position, photon.direction, photon.object) else { break };
-            let surface = scene.surface_at(photon.position, photon.direction, hit);
-            let object = &scene.objects[surface.object];
-            let keeps = object.diffuse > 0.0 || (object.specular > 0.0 && object.roughness > 0.0);
-            if keeps && (emission.store_direct || photon.bounce > 0) {
-                map.positions.push(PhotonPosition { position: surface.position.into() });
-                map.powers.push(PhotonPower { power: (photon.throughput * photon.power).into() });
-                let side = surface.side;
-                map.surfaces.push(PhotonSurface { object: surface.object as f32, side, bounce: photon.bounce as f32 });
-                if scene.features.glossy {
-                    map.directions.push(PhotonDirection { direction: (-photon.direction).into() });
-                }
+        walk_photons(scene, plan, emitters, emission, path, stream, |photon, surface| {
+            map.positions.push(PhotonPosition { position: surface.position.into() });
+            map.powers.push(PhotonPower { power: (photon.throughput * photon.power).into() });
+            let (object, side) = (surface.object as f32, surface.side);
+            map.surfaces.push(PhotonSurface { object, side, bounce: photon.bounce as f32 });
+            if scene.features.glossy {
+                map.directions.push(PhotonDirection { direction: (-photon.direction).into() });
             }
-            next = scatter(scene, &photon, &surface);
-        }
+        });
     }
     map
 }

@@ -6,7 +6,8 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::bsdf::ggx;
-use super::camera::sample_direction;
+use super::camera::{camera_direction, sample_point};
+use super::final_gather::{Gatherer, indirect_irradiance};
 use super::gather::{PhotonMap, photon_radiance};
 use super::scene::{SceneTables, Surface};
 use super::tiles::tile_at;
@@ -36,14 +37,25 @@ pub fn direct_light(scene: &SceneTables, surface: &Surface, to_viewer: Vec3) -> 
     sum
 }
 
-/// What arrives at `origin` from `direction`, with the photon map where there is one; `tile` is the pixel's.
+/// Where indirect light comes from.
+pub enum Indirect<'a> {
+    /// There is none.
+    None,
+    /// Density estimates at visible points.
+    Map(PhotonMap<'a>),
+    /// A bounce of rays.
+    Final(Gatherer<'a>),
+}
+
+/// What arrives along the camera's ray through (x, y) of the image plane; `key` and `tile` are the pixel's.
 pub fn radiance_along(
     scene: &SceneTables,
-    map: Option<&PhotonMap>,
-    origin: Vec3,
-    direction: Vec3,
+    indirect: &Indirect,
+    frame: &Frame,
+    (x, y, key): (f32, f32, u32),
     tile: usize,
 ) -> Vec3 {
+    let (origin, direction) = (frame.position.into(), camera_direction(frame, x, y));
     let Some(hit) = scene.closest_hit(origin, direction, None) else { return Vec3::ZERO };
     let surface = scene.surface_at(origin, direction, hit);
     let object = &scene.objects[hit.object];
@@ -51,17 +63,26 @@ pub fn radiance_along(
         Lights::None => Vec3::ZERO,
         _ => direct_light(scene, &surface, -direction),
     };
-    let indirect = map.map_or(Vec3::ZERO, |map| photon_radiance(scene, map, &surface, -direction, tile));
-    direct + indirect + Vec3::from(object.color) * object.ambient
+    let reflected = match indirect {
+        Indirect::None => Vec3::ZERO,
+        Indirect::Map(map) => photon_radiance(scene, map, &surface, -direction, tile),
+        Indirect::Final(gatherer) => {
+            let diffuse = Vec3::from(object.color) * (object.diffuse * FRAC_1_PI);
+            diffuse * indirect_irradiance(scene, gatherer, &surface, x, y, key)
+        }
+    };
+    direct + reflected + Vec3::from(object.color) * object.ambient
 }
 
 /// Mean over the pixel's samples.
-pub fn pixel_radiance(scene: &SceneTables, map: Option<&PhotonMap>, frame: &Frame, column: u32, row: u32) -> Vec3 {
-    let origin = frame.position.into();
-    let tile = map.and_then(|map| map.tiles).map_or(0, |(plan, _)| tile_at(&plan.gather, column, row));
+pub fn pixel_radiance(scene: &SceneTables, indirect: &Indirect, frame: &Frame, column: u32, row: u32) -> Vec3 {
+    let tile = match indirect {
+        Indirect::Map(PhotonMap { tiles: Some((plan, _)), .. }) => tile_at(&plan.gather, column, row),
+        _ => 0,
+    };
     let one_sample = scene.features.one_sample;
     let sample =
-        |number| radiance_along(scene, map, origin, sample_direction(frame, one_sample, column, row, number), tile);
+        |number| radiance_along(scene, indirect, frame, sample_point(frame, one_sample, column, row, number), tile);
     if one_sample {
         return sample(0);
     }
@@ -70,11 +91,11 @@ pub fn pixel_radiance(scene: &SceneTables, map: Option<&PhotonMap>, frame: &Fram
 }
 
 /// The whole film, row 0 = top, on the calling thread's rayon pool: a pool of one thread is plain serial code.
-pub fn trace(scene: &SceneTables, map: Option<&PhotonMap>, frame: &Frame, film: &mut [[f32; 3]]) {
+pub fn trace(scene: &SceneTables, indirect: &Indirect, frame: &Frame, film: &mut [[f32; 3]]) {
     let width = frame.width as usize;
     film.par_chunks_mut(width.max(1)).enumerate().for_each(|(row, pixels)| {
         for (column, pixel) in pixels.iter_mut().enumerate() {
-            *pixel = pixel_radiance(scene, map, frame, column as u32, row as u32).to_array();
+            *pixel = pixel_radiance(scene, indirect, frame, column as u32, row as u32).to_array();
         }
     });
 }

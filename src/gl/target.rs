@@ -5,11 +5,12 @@ use glow::HasContext;
 use super::{Functions, Program};
 use crate::error::{Error, Result};
 
-/// A framebuffer with one texture; deleted when dropped.
+/// A framebuffer with one texture or more; deleted when dropped.
 pub struct Target {
     gl: Functions,
     framebuffer: glow::NativeFramebuffer,
-    texture: glow::NativeTexture,
+    /// By output of the fragment shader.
+    textures: Vec<glow::NativeTexture>,
     triangle: glow::NativeVertexArray,
     width: u32,
     height: u32,
@@ -22,6 +23,14 @@ impl Target {
     /// # Errors
     /// [`Error::Device`] when the driver refuses the size or the format.
     pub fn new(gl: &Functions, width: u32, height: u32, integers: bool) -> Result<Target> {
+        Target::with_outputs(gl, width, height, integers, 1)
+    }
+
+    /// A target for a fragment shader with several outputs.
+    ///
+    /// # Errors
+    /// As [`Target::new`].
+    pub fn with_outputs(gl: &Functions, width: u32, height: u32, integers: bool, outputs: u32) -> Result<Target> {
         let refused = |what| Error::Device(format!("OpenGL: target of {width} × {height}: {what}"));
         let (internal, format, kind) = if integers {
             (glow::RGBA32UI, glow::RGBA_INTEGER, glow::UNSIGNED_INT)
@@ -34,42 +43,53 @@ impl Target {
             if width > limit || height > limit {
                 return Err(refused(format!("the driver's limit is {limit}")));
             }
-            let target = Target {
+            let mut target = Target {
                 gl: gl.clone(),
                 framebuffer: gl.create_framebuffer().map_err(refused)?,
-                texture: gl.create_texture().map_err(refused)?,
+                textures: Vec::new(),
                 // Core profile draws nothing without a vertex array, though the quad has no attributes.
                 triangle: gl.create_vertex_array().map_err(refused)?,
                 width,
                 height,
                 integers,
             };
-            gl.bind_texture(glow::TEXTURE_2D, Some(target.texture));
-            gl.tex_image_2d(
-                glow::TEXTURE_2D,
-                0,
-                internal as i32,
-                width as i32,
-                height as i32,
-                0,
-                format,
-                kind,
-                glow::PixelUnpackData::Slice(None),
-            );
-            gl.tex_parameter_i32(glow::TEXTURE_2D, glow::TEXTURE_MIN_FILTER, glow::NEAREST as i32);
-            gl.tex_parameter_i32(glow::TEXTURE_2D, glow::TEXTURE_MAG_FILTER, glow::NEAREST as i32);
             gl.bind_framebuffer(glow::FRAMEBUFFER, Some(target.framebuffer));
-            gl.framebuffer_texture_2d(
-                glow::FRAMEBUFFER,
-                glow::COLOR_ATTACHMENT0,
-                glow::TEXTURE_2D,
-                Some(target.texture),
-                0,
-            );
+            for output in 0..outputs {
+                let texture = gl.create_texture().map_err(refused)?;
+                target.textures.push(texture);
+                gl.bind_texture(glow::TEXTURE_2D, Some(texture));
+                gl.tex_image_2d(
+                    glow::TEXTURE_2D,
+                    0,
+                    internal as i32,
+                    width as i32,
+                    height as i32,
+                    0,
+                    format,
+                    kind,
+                    glow::PixelUnpackData::Slice(None),
+                );
+                gl.tex_parameter_i32(glow::TEXTURE_2D, glow::TEXTURE_MIN_FILTER, glow::NEAREST as i32);
+                gl.tex_parameter_i32(glow::TEXTURE_2D, glow::TEXTURE_MAG_FILTER, glow::NEAREST as i32);
+                let attachment = glow::COLOR_ATTACHMENT0 + output;
+                gl.framebuffer_texture_2d(glow::FRAMEBUFFER, attachment, glow::TEXTURE_2D, Some(texture), 0);
+            }
+            let attachments: Vec<u32> = (0..outputs).map(|output| glow::COLOR_ATTACHMENT0 + output).collect();
+            gl.draw_buffers(&attachments);
             match gl.check_framebuffer_status(glow::FRAMEBUFFER) {
                 glow::FRAMEBUFFER_COMPLETE => Ok(target),
                 status => Err(refused(format!("framebuffer status {status:#06x}"))),
             }
+        }
+    }
+
+    /// Binds what an output was drawn into to a texture unit, to be read as a table.
+    pub fn bind(&self, output: usize, unit: u32) {
+        // SAFETY: the context is current.
+        unsafe {
+            self.gl.active_texture(glow::TEXTURE0 + unit);
+            self.gl.bind_texture(glow::TEXTURE_2D, Some(self.textures[output]));
+            self.gl.active_texture(glow::TEXTURE0);
         }
     }
 
@@ -145,7 +165,7 @@ impl Target {
 
     /// Bytes on the device.
     pub fn bytes(&self) -> usize {
-        self.width as usize * self.height as usize * 16
+        self.width as usize * self.height as usize * 16 * self.textures.len()
     }
 }
 
@@ -154,7 +174,9 @@ impl Drop for Target {
         // SAFETY: the context outlives its objects: whoever owns both drops it last.
         unsafe {
             self.gl.delete_framebuffer(self.framebuffer);
-            self.gl.delete_texture(self.texture);
+            for texture in &self.textures {
+                self.gl.delete_texture(*texture);
+            }
             self.gl.delete_vertex_array(self.triangle);
         }
     }

@@ -1,6 +1,7 @@
 //! Stages on their devices: arguments, sizes, launches. Each has a twin of the same name in `cpu`.
 
 pub mod grid;
+pub mod irradiance;
 pub mod map;
 pub mod paths;
 pub mod photon_textures;

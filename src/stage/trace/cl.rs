@@ -2,14 +2,15 @@
 
 use std::rc::Rc;
 
-use super::{Permutation, Trace, check_count, out_of_order};
+use super::{Indirect, Permutation, Trace, check_count, out_of_order};
 use crate::cl::{Arg, Buffer, Context, Kernel};
 use crate::error::Result;
 use crate::film::Image;
 use crate::gathering::Gathering;
-use crate::layout::{Frame, Light, Object};
+use crate::layout::{Frame, Lattice, Light, Object, Site, SiteSurface};
 use crate::pack::Packed;
 use crate::source::{Options, assemble};
+use crate::stage::irradiance::IrradianceView;
 use crate::stage::map::MapView;
 
 /// Kernels alone.
@@ -19,6 +20,8 @@ pub struct ClTrace {
     lights: Option<Buffer<Light>>,
     frame: Buffer<Frame>,
     film: Option<(u32, u32, Buffer<[f32; 3]>)>,
+    lattice: Buffer<Lattice>,
+    sites: Option<(Buffer<Site>, Buffer<SiteSurface>)>,
     active: Option<Compiled>,
 }
 
@@ -27,6 +30,8 @@ struct Compiled {
     permutation: Permutation,
     lanes: u32,
     kernel: Kernel,
+    /// Gathers the sites, where pixels take irradiance from these.
+    sites: Option<Kernel>,
 }
 
 impl ClTrace {
@@ -35,8 +40,9 @@ impl ClTrace {
     /// # Errors
     /// [`crate::error::Error::Device`] when the device has no room.
     pub fn new(context: Rc<Context>) -> Result<ClTrace> {
-        let frame = Buffer::new(&context, 1)?;
-        Ok(ClTrace { context, objects: None, lights: None, frame, film: None, active: None })
+        let (frame, lattice) = (Buffer::new(&context, 1)?, Buffer::new(&context, 1)?);
+        let (objects, lights, film, sites, active) = Default::default();
+        Ok(ClTrace { context, objects, lights, frame, film, lattice, sites, active })
     }
 }
 
@@ -49,7 +55,15 @@ impl Trace for ClTrace {
         let lanes = permutation.gathering.map_or(device_lanes, |gathering| gathering.lanes(device_lanes));
         let options = Options { lanes, defines: permutation.defines(), ..Options::default() };
         let kernel = self.context.kernel(&assemble("trace.cl", Some(&permutation.features), &options), "trace")?;
-        self.active = Some(Compiled { permutation: *permutation, lanes, kernel });
+        let sites = match permutation.final_gather {
+            Some(true) => {
+                let options = Options { lanes, ..Options::default() };
+                let source = assemble("sites.cl", Some(&permutation.features), &options);
+                Some(self.context.kernel(&source, "sites")?)
+            }
+            _ => None,
+        };
+        self.active = Some(Compiled { permutation: *permutation, lanes, kernel, sites });
         Ok(())
     }
 
@@ -64,7 +78,7 @@ impl Trace for ClTrace {
         Ok(0) // it lies on the device already
     }
 
-    fn trace(&mut self, frame: &Frame, map: Option<&MapView>) -> Result<()> {
+    fn trace(&mut self, frame: &Frame, indirect: Indirect) -> Result<()> {
         let (width, height) = (frame.width as u32, frame.height as u32);
         if self.film.as_ref().is_none_or(|(w, h, _)| (*w, *h) != (width, height)) {
             self.film = Some((width, height, Buffer::new(&self.context, width as usize * height as usize)?));
@@ -76,17 +90,36 @@ impl Trace for ClTrace {
             return Err(out_of_order("OpenCL"));
         };
         let mut args: Vec<Arg> = vec![(&self.frame).into(), objects.into(), lights.into()];
-        match (active.permutation.gathering, map) {
-            (None, _) => {}
-            (Some(gathering), Some(MapView::Device { stored, tiles: Some(tiles), .. }))
+        match (active.permutation.gathering, indirect) {
+            (None, Indirect::None) => {}
+            (Some(gathering), Indirect::Map(MapView::Device { stored, tiles: Some(tiles), .. }))
                 if gathering.method.is_tiled() =>
             {
                 args.extend(tiles.args(stored));
             }
-            (Some(gathering), Some(MapView::Device { stored, grid, .. })) if !gathering.method.is_tiled() => {
+            (Some(gathering), Indirect::Map(MapView::Device { stored, grid, .. })) if !gathering.method.is_tiled() => {
                 args.extend(grid.args(stored, gathering.method));
             }
-            (Some(_), _) => return Err(out_of_order("OpenCL")),
+            (None, Indirect::Final(IrradianceView::Device { charts, texels, .. }, lattice)) => {
+                self.lattice.write(&self.context, std::slice::from_ref(lattice))?;
+                args.extend([Arg::from(*charts), (&self.lattice).into(), (*texels).into()]);
+                if let Some(kernel) = &active.sites {
+                    let count = lattice.columns as usize * lattice.rows as usize;
+                    if self.sites.as_ref().is_none_or(|(sites, _)| sites.len() < count) {
+                        self.sites = Some((Buffer::new(&self.context, count)?, Buffer::new(&self.context, count)?));
+                    }
+                    let Some((sites, surfaces)) = &self.sites else { return Err(out_of_order("OpenCL")) };
+                    let tables = [Arg::from(sites), surfaces.into()];
+                    let mut own = args.clone();
+                    own.extend(tables);
+                    own.push((count as i32).into());
+                    let local = if active.lanes == 1 { 64 } else { 8 };
+                    let items = count.div_ceil(active.lanes as usize);
+                    self.context.launch(kernel, &own, &[items], Some(&[local]))?;
+                    args.extend(tables);
+                }
+            }
+            _ => return Err(out_of_order("OpenCL")),
         }
         args.extend([Arg::from(film), (width as i32).into(), (height as i32).into()]);
         let (columns, rows) = block(active.lanes);
@@ -106,6 +139,7 @@ impl Trace for ClTrace {
             + self.lights.as_ref().map_or(0, Buffer::bytes)
             + self.frame.bytes()
             + self.film.as_ref().map_or(0, |(_, _, film)| film.bytes())
+            + self.sites.as_ref().map_or(0, |(sites, surfaces)| sites.bytes() + surfaces.bytes())
     }
 }
 

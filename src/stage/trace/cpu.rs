@@ -2,14 +2,16 @@
 
 use std::rc::Rc;
 
-use super::{Permutation, Trace, out_of_order};
+use super::{Indirect, Permutation, Trace, out_of_order};
 use crate::cpu;
+use crate::cpu::final_gather::Gatherer;
 use crate::cpu::gather::PhotonMap;
 use crate::error::Result;
 use crate::film::Image;
 use crate::gathering::Gathering;
-use crate::layout::Frame;
+use crate::layout::{Frame, Site, SiteSurface};
 use crate::pack::Packed;
+use crate::stage::irradiance::IrradianceView;
 use crate::stage::map::MapView;
 
 /// The twin, on a pool of threads.
@@ -18,12 +20,14 @@ pub struct CpuTrace {
     packed: Option<Packed>,
     film: Image,
     active: Option<Permutation>,
+    /// Of the last pass with final gathering.
+    sites: (Vec<Site>, Vec<SiteSurface>),
 }
 
 impl CpuTrace {
     /// On a pool of threads.
     pub fn new(pool: Rc<rayon::ThreadPool>) -> CpuTrace {
-        CpuTrace { pool, packed: None, film: Image::new(0, 0), active: None }
+        CpuTrace { pool, packed: None, film: Image::new(0, 0), active: None, sites: Default::default() }
     }
 }
 
@@ -42,23 +46,31 @@ impl Trace for CpuTrace {
         Ok(0) // it lies in host memory already
     }
 
-    fn trace(&mut self, frame: &Frame, map: Option<&MapView>) -> Result<()> {
+    fn trace(&mut self, frame: &Frame, indirect: Indirect) -> Result<()> {
         let (width, height) = (frame.width as u32, frame.height as u32);
         if (self.film.width, self.film.height) != (width, height) {
             self.film = Image::new(width, height);
         }
         let (Some(packed), Some(active)) = (&self.packed, &self.active) else { return Err(out_of_order("CPU")) };
         let scene = cpu::scene::SceneTables::new(packed, &active.features);
-        let map = match (&active.gathering, map) {
-            (None, _) => None,
-            (Some(gathering), Some(MapView::Host { plan, stored, grid, tiles })) => {
+        let indirect = match (indirect, &active.gathering, active.final_gather) {
+            (Indirect::None, None, None) => cpu::trace::Indirect::None,
+            (Indirect::Map(MapView::Host { plan, stored, grid, tiles }), Some(gathering), None) => {
                 let tiles = tiles.filter(|_| gathering.method.is_tiled());
-                Some(PhotonMap { gathering, plan, stored: *stored, grid, tiles })
+                cpu::trace::Indirect::Map(PhotonMap { gathering, plan, stored: *stored, grid, tiles })
             }
-            (Some(_), _) => return Err(out_of_order("CPU")),
+            (Indirect::Final(IrradianceView::Host { charts, texels }, lattice), None, Some(sited)) => {
+                let gatherer = Gatherer { charts, texels, lattice, sites: None };
+                if sited {
+                    self.sites = self.pool.install(|| cpu::final_gather::sites(&scene, &gatherer, frame));
+                }
+                let sites = sited.then_some((&self.sites.0[..], &self.sites.1[..]));
+                cpu::trace::Indirect::Final(Gatherer { sites, ..gatherer })
+            }
+            _ => return Err(out_of_order("CPU")),
         };
         let film = &mut self.film.pixels;
-        self.pool.install(|| cpu::trace::trace(&scene, map.as_ref(), frame, film));
+        self.pool.install(|| cpu::trace::trace(&scene, &indirect, frame, film));
         Ok(())
     }
 

@@ -2,14 +2,17 @@
 
 use std::collections::HashMap;
 
-use super::{Permutation, Trace, check_count, out_of_order};
+use super::gl_final::FinalTextures;
+use super::{Indirect, Permutation, Trace, check_count, out_of_order};
 use crate::error::{Error, Result};
+use crate::features::Features;
 use crate::film::Image;
 use crate::gathering::{Gathering, Method};
 use crate::gl::{Functions, Program, TableTexture, Target};
 use crate::layout::{Frame, Light, Object, Record, TEXTURE_WIDTH_LOG2};
 use crate::pack::Packed;
 use crate::source::{Options, assemble};
+use crate::stage::irradiance::IrradianceView;
 use crate::stage::map::MapView;
 use crate::stage::photon_textures::{PhotonTextures, cells_across};
 
@@ -21,9 +24,12 @@ pub struct GlTrace {
     /// The records of a scene that travels in uniforms.
     small: Option<(Vec<Object>, Vec<Light>)>,
     photons: PhotonTextures,
+    finals: FinalTextures,
     target: Option<(u32, u32, Target)>,
     /// By permutation, and whether it gathers in slices.
     programs: HashMap<(Permutation, bool), Program>,
+    /// Programs that draw sites.
+    site_programs: HashMap<Features, Program>,
     active: Option<Permutation>,
     /// Loop rounds that the driver grants a fragment.
     rounds: Option<u64>,
@@ -48,8 +54,10 @@ impl GlTrace {
             lights: TableTexture::new(gl, TEXTURE_WIDTH_LOG2)?,
             small: None,
             photons: PhotonTextures::new(gl)?,
+            finals: FinalTextures::new(gl)?,
             target: None,
             programs: HashMap::new(),
+            site_programs: HashMap::new(),
             active: None,
             rounds: is_software.then_some(LLVMPIPE_ROUNDS),
         })
@@ -79,18 +87,42 @@ impl GlTrace {
         Ok(())
     }
 
+    /// The program's samplers in the order of their texture units: these, then the scene's where it has any.
+    fn samplers(&self, tables: &[&'static str]) -> Vec<&'static str> {
+        let scene = if self.small.is_none() { &Self::SCENE_SAMPLERS[..] } else { &[] };
+        tables.iter().chain(scene).copied().collect()
+    }
+
+    /// Gives the active program the frame and the scene, whose tables begin at a texture unit.
+    fn bind_scene(&self, program: &Program, frame: &Frame, first: u32) {
+        program.set_records(std::slice::from_ref(frame));
+        match &self.small {
+            Some((objects, lights)) => {
+                program.set_records(objects);
+                program.set_records(lights);
+            }
+            None => {
+                self.objects.bind(first);
+                self.lights.bind(first + 1);
+            }
+        }
+    }
+
     /// Draws short enough for the driver.
     ///
     /// # Errors
     /// [`Error::Device`] when a single sample is too long.
-    fn draws(&self, frame: &Frame, photons: bool) -> Result<Draws> {
+    fn draws(&self, frame: &Frame, indirect: &Indirect) -> Result<Draws> {
         let samples = frame.samples as u64;
         let Some(granted) = self.rounds else { return Ok(Draws { samples, slices: 1 }) };
         let (objects, lights) = ((frame.sphere_count + frame.plane_count) as u64, frame.light_count as u64);
         // Closest hit, a shadow ray a light, the clipped disc's planes twice; 32 bits of a Sobol' number.
         let mut fixed = objects * (3 + lights) + lights + 64;
         let mut candidates = 0;
-        if photons {
+        if let Indirect::Final(_, lattice) = indirect {
+            fixed += lattice.rays as u64 * (objects * (2 + lights) + lights + 1);
+        }
+        if let Indirect::Map(_) = indirect {
             let across = cells_across(self.photons.gather());
             fixed += across * (across + 1);
             candidates = self.photons.most_candidates;
@@ -116,6 +148,10 @@ impl GlTrace {
 impl Trace for GlTrace {
     fn compile(&mut self, permutation: &Permutation) -> Result<()> {
         self.program(permutation, false)?;
+        if permutation.final_gather == Some(true) && !self.site_programs.contains_key(&permutation.features) {
+            let source = assemble("sites.frag", Some(&permutation.features), &Options::default());
+            self.site_programs.insert(permutation.features, Program::new(&self.gl, &source)?);
+        }
         self.active = Some(*permutation);
         Ok(())
     }
@@ -149,36 +185,42 @@ impl Trace for GlTrace {
         Ok(self.photons.uploads() - before)
     }
 
-    fn trace(&mut self, frame: &Frame, map: Option<&MapView>) -> Result<()> {
+    fn upload_irradiance(&mut self, irradiance: &IrradianceView) -> Result<u64> {
+        self.finals.fill(irradiance)
+    }
+
+    fn trace(&mut self, frame: &Frame, indirect: Indirect) -> Result<()> {
         let (width, height) = (frame.width as u32, frame.height as u32);
         if self.target.as_ref().is_none_or(|(w, h, _)| (*w, *h) != (width, height)) {
             self.target = Some((width, height, Target::new(&self.gl, width, height, false)?));
         }
         let Some(active) = self.active else { return Err(out_of_order("OpenGL")) };
-        let draws = self.draws(frame, map.is_some())?;
+        let draws = self.draws(frame, &indirect)?;
         self.program(&active, draws.slices > 1)?;
+        if let (Indirect::Final(_, lattice), Some(true)) = (indirect, active.final_gather) {
+            let Some(program) = self.site_programs.get(&active.features) else { return Err(out_of_order("OpenGL")) };
+            program.activate(&self.samplers(&FinalTextures::SAMPLERS[..2]));
+            self.bind_scene(program, frame, 2);
+            program.set_records(std::slice::from_ref(lattice));
+            self.finals.bind(0, false);
+            self.finals.draw_sites(program, lattice)?;
+        }
         let (Some(program), Some((_, _, target))) = (self.programs.get(&(active, draws.slices > 1)), &self.target)
         else {
             return Err(out_of_order("OpenGL"));
         };
-        let mut samplers = PhotonTextures::SAMPLERS.to_vec();
-        if self.small.is_none() {
-            samplers.extend(Self::SCENE_SAMPLERS);
-        }
-        program.activate(&samplers);
-        program.set_records(std::slice::from_ref(frame));
-        if map.is_some() {
-            self.photons.bind(program, 0);
-        }
-        match &self.small {
-            Some((objects, lights)) => {
-                program.set_records(objects);
-                program.set_records(lights);
-            }
-            None => {
-                let first = PhotonTextures::SAMPLERS.len() as u32;
-                self.objects.bind(first);
-                self.lights.bind(first + 1);
+        let tables: &[&str] = match indirect {
+            Indirect::Final(..) => &FinalTextures::SAMPLERS,
+            _ => &PhotonTextures::SAMPLERS,
+        };
+        program.activate(&self.samplers(tables));
+        self.bind_scene(program, frame, tables.len() as u32);
+        match indirect {
+            Indirect::None => {}
+            Indirect::Map(_) => self.photons.bind(program, 0),
+            Indirect::Final(_, lattice) => {
+                program.set_records(std::slice::from_ref(lattice));
+                self.finals.bind(0, active.final_gather == Some(true));
             }
         }
         let samples = frame.samples as u64;
@@ -206,6 +248,6 @@ impl Trace for GlTrace {
 
     fn bytes(&self) -> usize {
         let target = self.target.as_ref().map_or(0, |(_, _, target)| target.bytes());
-        self.objects.bytes() + self.lights.bytes() + self.photons.bytes() + target
+        self.objects.bytes() + self.lights.bytes() + self.photons.bytes() + self.finals.bytes() + target
     }
 }

@@ -3,17 +3,19 @@
 mod cl;
 mod cpu;
 mod gl;
+mod gl_final;
 
 pub use cl::ClTrace;
 pub use cpu::CpuTrace;
 pub use gl::GlTrace;
 
+use super::irradiance::IrradianceView;
 use super::map::MapView;
 use crate::error::{Error, Result};
 use crate::features::Features;
 use crate::film::Image;
 use crate::gathering::Gathering;
-use crate::layout::{Frame, MAX_EXACT_INDEX};
+use crate::layout::{Frame, Lattice, MAX_EXACT_INDEX};
 use crate::pack::Packed;
 
 /// What is compiled for a picture: the scene's features and, with photons, how they are gathered.
@@ -21,15 +23,33 @@ use crate::pack::Packed;
 pub struct Permutation {
     /// Of the scene and the settings.
     pub features: Features,
-    /// `None`: no photons.
+    /// `None`: no density estimates.
     pub gathering: Option<Gathering>,
+    /// `None`: no final gathering; else whether pixels take irradiance from sites.
+    pub final_gather: Option<bool>,
 }
 
 impl Permutation {
     /// Defines beyond the features' own.
     pub fn defines(&self) -> Vec<String> {
-        self.gathering.map(|gathering| gathering.defines()).unwrap_or_default()
+        let mut defines = self.gathering.map(|gathering| gathering.defines()).unwrap_or_default();
+        if let Some(sites) = self.final_gather {
+            defines.extend(["HAS_CHARTS".to_string(), "HAS_FINAL_GATHER".to_string()]);
+            defines.extend(sites.then(|| "HAS_SITES".to_string()));
+        }
+        defines
     }
+}
+
+/// Where a picture's indirect light comes from.
+#[derive(Clone, Copy)]
+pub enum Indirect<'a> {
+    /// There is none.
+    None,
+    /// Density estimates of the map uploaded last.
+    Map(&'a MapView<'a>),
+    /// Final gathering: the texels uploaded last, and the pass's lattice.
+    Final(&'a IrradianceView<'a>, &'a Lattice),
 }
 
 /// The trace stage on one machine.
@@ -60,11 +80,19 @@ pub trait Trace {
         Ok(0)
     }
 
-    /// Traces a picture with the permutation compiled last, and waits for it. `map` is the map uploaded last.
+    /// Takes over irradiance texels, where they have to be moved. How many tables were moved.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when the device has no room.
+    fn upload_irradiance(&mut self, _irradiance: &IrradianceView) -> Result<u64> {
+        Ok(0)
+    }
+
+    /// Traces a picture with the permutation compiled last, and waits for it.
     ///
     /// # Errors
     /// [`Error::Device`] when the device fails.
-    fn trace(&mut self, frame: &Frame, map: Option<&MapView>) -> Result<()>;
+    fn trace(&mut self, frame: &Frame, indirect: Indirect) -> Result<()>;
 
     /// The film of the last [`Trace::trace`].
     ///

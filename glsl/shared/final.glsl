@@ -1,0 +1,100 @@
+// Final gathering: indirect light at a visible point by one bounce of rays, which see direct light by shadow rays and
+// all further bounces in the irradiance texels (Jensen, "Global Illumination Using Photon Maps", 1996).
+//
+// Irradiance is smooth where pixels are not. It is gathered at *sites*, the points that a lattice of camera rays sees,
+// and pixels take it from the sites around them on their own surface; a pixel with none gathers its own.
+
+#ifdef HAS_FINAL_GATHER
+// Roberts' R₂ sequence, as R₄ in random.glsl.
+#define R2_STEP_0 3242174889u
+#define R2_STEP_1 2447445414u
+
+// Indirect irradiance, W/m²: π times the mean radiance along cosine-distributed directions. `key` chooses the shift of
+// a sequence that goes on from pass to pass.
+INLINE Vec3 final_gather(SCENE_PARAMS Surface from, Bool wanted, Uint key) {
+    Vec3 sum = make3(lanes(0.0f), lanes(0.0f), lanes(0.0f));
+    int rays = count_of(lattice_rays());
+    Uint height_shift = hash_u(key);
+    Uint turn_shift = hash_u(height_shift);
+    uint first = uint_of(lattice_first_ray());
+    for (int ray = 0; ray < rays; ray++) {
+        Uint index = lanes_u(first + uint_of(ray));
+        Uint height = sequence_u(index, R2_STEP_0, height_shift);
+        Uint turn = sequence_u(index, R2_STEP_1, turn_shift);
+        Vec3 direction = sample_cosine(from.normal, height, turn);
+        Hit hit = closest_hit(SCENE from.position, direction, from.object);
+        Bool visible = hit.object >= 0 && wanted;
+        if (any_lane(visible)) {
+            hit.object = pick_i(visible, hit.object, 0);
+            hit.t = pick(visible, hit.t, 0.0f);
+            Surface seen = surface_at(SCENE from.position, direction, hit);
+            Vec3 radiance = direct_light(SCENE seen, negate3(direction));
+            Vec3 diffuse = scale3(object_color(seen.object), object_diffuse(seen.object) * INV_PI);
+            radiance = add3(radiance, mul3(diffuse, texel_irradiance(texel_of(SCENE seen))));
+            sum = add3(sum, pick3(visible, radiance, make3(lanes(0.0f), lanes(0.0f), lanes(0.0f))));
+        }
+    }
+    return scale3(sum, lanes(PI / float_of(rays)));
+}
+
+// Which side of which object: sites of other faces do not count.
+INLINE Real face_of(Surface surface) {
+    return to_real(surface.object) * 2.0f + pick(surface.side < 0.0f, 1.0f, 0.0f);
+}
+
+// Where a site of the lattice lies on the image plane, in pixels. One column and row lie beyond each border.
+INLINE Real site_x(SCENE_PARAMS Int column) { return (to_real(column) - 1.0f) * lattice_spacing() + lattice_offset_x(); }
+INLINE Real site_y(SCENE_PARAMS Int row) { return (to_real(row) - 1.0f) * lattice_spacing() + lattice_offset_y(); }
+
+#define LATTICE_KEY (uint_of(lattice_key_low()) | (uint_of(lattice_key_high()) << 16u))
+
+#ifdef HAS_SITES
+STRUCT(Blend)
+struct Blend {
+    Vec3 irradiance;
+    Real weight;
+};
+
+// Adds a site, weighted by its distance on the lattice; not one of another face, or on a sphere's other flank.
+INLINE Blend blend_site(SCENE_PARAMS Blend sum, Int site, Real weight, Real face, Vec3 normal) {
+    Bool same = site_surface_face(site) == face;
+#ifdef HAS_SPHERES
+    Vec3 site_normal = octahedral_vector(site_surface_normal_u(site), site_surface_normal_v(site));
+    // Irradiance turns with the normal: full weight to none over 25 degrees.
+    weight = weight * max(1.0f - 10.0f * max(1.0f - dot3(site_normal, normal), lanes(0.0f)), lanes(0.0f));
+#endif
+    weight = pick(same, weight, 0.0f);
+    sum.irradiance = add3(sum.irradiance, scale3(site_irradiance(site), weight));
+    sum.weight = sum.weight + weight;
+    return sum;
+}
+#endif
+
+// Indirect irradiance at a visible point, seen through (x, y) of the image plane.
+INLINE Vec3 indirect_irradiance(SCENE_PARAMS Surface surface, Bool wanted, Real x, Real y, Uint key) {
+#ifdef HAS_SITES
+    Real u = (x - lattice_offset_x()) / lattice_spacing() + 1.0f;
+    Real v = (y - lattice_offset_y()) / lattice_spacing() + 1.0f;
+    Int column = min(max(to_int(u), lanes_i(0)), lanes_i(count_of(lattice_columns()) - 2));
+    Int row = min(max(to_int(v), lanes_i(0)), lanes_i(count_of(lattice_rows()) - 2));
+    u = u - to_real(column);
+    v = v - to_real(row);
+    Int site = row * count_of(lattice_columns()) + column;
+    Real face = face_of(surface);
+    Blend sum;
+    sum.irradiance = make3(lanes(0.0f), lanes(0.0f), lanes(0.0f));
+    sum.weight = lanes(0.0f);
+    sum = blend_site(SCENE sum, site, (1.0f - u) * (1.0f - v), face, surface.normal);
+    sum = blend_site(SCENE sum, site + 1, u * (1.0f - v), face, surface.normal);
+    site = site + count_of(lattice_columns());
+    sum = blend_site(SCENE sum, site, (1.0f - u) * v, face, surface.normal);
+    sum = blend_site(SCENE sum, site + 1, u * v, face, surface.normal);
+    Bool alone = wanted && sum.weight < 0.01f;
+    Vec3 irradiance = scale3(sum.irradiance, 1.0f / max(sum.weight, lanes(0.01f)));
+    if (any_lane(alone)) irradiance = pick3(alone, final_gather(SCENE surface, alone, key), irradiance);
+    return irradiance;
+#else
+    return final_gather(SCENE surface, wanted, key);
+#endif
+}
+#endif

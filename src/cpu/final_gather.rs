@@ -1,0 +1,123 @@
+//! Twin of `glsl/shared/final.glsl` and `site.glsl`: indirect light by one bounce of rays, at sites or at a pixel.
+
+use std::f32::consts::{FRAC_1_PI, PI};
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::camera::camera_direction;
+use super::random::{hash_u, hash2_u, sequence_u};
+use super::scene::{SceneTables, Surface};
+use super::texels::{octahedral, octahedral_vector, texel_of};
+use super::trace::direct_light;
+use super::walk::sample_cosine;
+use crate::layout::{Chart, Frame, Lattice, Site, SiteSurface, Texel};
+
+/// Steps of Roberts' R₂ sequence in 32-bit fixed point.
+pub const R2_STEPS: [u32; 2] = [3_242_174_889, 2_447_445_414];
+
+/// What final gathering reads.
+#[derive(Clone, Copy)]
+pub struct Gatherer<'a> {
+    /// By object.
+    pub charts: &'a [Chart],
+    /// All further bounces.
+    pub texels: &'a [Texel],
+    /// Where the sites lie, and the rays of each.
+    pub lattice: &'a Lattice,
+    /// The sites, where pixels take their irradiance from these.
+    pub sites: Option<(&'a [Site], &'a [SiteSurface])>,
+}
+
+/// Radiance that leaves a surface towards where it is seen from: direct light, and photons' from its texel.
+fn radiance_seen(scene: &SceneTables, gatherer: &Gatherer, surface: &Surface, to_viewer: Vec3) -> Vec3 {
+    let object = &scene.objects[surface.object];
+    let diffuse = Vec3::from(object.color) * (object.diffuse * FRAC_1_PI);
+    let texel = texel_of(scene, gatherer.charts, surface);
+    direct_light(scene, surface, to_viewer) + diffuse * Vec3::from(gatherer.texels[texel].irradiance)
+}
+
+/// Indirect irradiance at a point, W/m².
+pub fn final_gather(scene: &SceneTables, gatherer: &Gatherer, from: &Surface, key: u32) -> Vec3 {
+    let height_shift = hash_u(key);
+    let turn_shift = hash_u(height_shift);
+    let (first, rays) = (gatherer.lattice.first_ray as u32, gatherer.lattice.rays as u32);
+    let mut sum = Vec3::ZERO;
+    for index in first..first + rays {
+        let height = sequence_u(index, R2_STEPS[0], height_shift);
+        let turn = sequence_u(index, R2_STEPS[1], turn_shift);
+        let direction = sample_cosine(from.normal, height, turn);
+        if let Some(hit) = scene.closest_hit(from.position, direction, Some(from.object)) {
+            let seen = scene.surface_at(from.position, direction, hit);
+            sum += radiance_seen(scene, gatherer, &seen, -direction);
+        }
+    }
+    sum * (PI / rays as f32)
+}
+
+fn face_of(surface: &Surface) -> f32 {
+    surface.object as f32 * 2.0 + if surface.side < 0.0 { 1.0 } else { 0.0 }
+}
+
+/// Indirect irradiance at a visible point, seen through (x, y) of the image plane; `key` is the pixel's.
+pub fn indirect_irradiance(
+    scene: &SceneTables,
+    gatherer: &Gatherer,
+    surface: &Surface,
+    x: f32,
+    y: f32,
+    key: u32,
+) -> Vec3 {
+    let Some((sites, surfaces)) = gatherer.sites else { return final_gather(scene, gatherer, surface, key) };
+    let lattice = gatherer.lattice;
+    let u = (x - lattice.offset_x) / lattice.spacing + 1.0;
+    let v = (y - lattice.offset_y) / lattice.spacing + 1.0;
+    let column = (u as i32).clamp(0, lattice.columns as i32 - 2);
+    let row = (v as i32).clamp(0, lattice.rows as i32 - 2);
+    let (u, v) = (u - column as f32, v - row as f32);
+    let face = face_of(surface);
+    let (mut irradiance, mut total) = (Vec3::ZERO, 0.0);
+    for (down, across, share) in
+        [(0, 0, (1.0 - u) * (1.0 - v)), (0, 1, u * (1.0 - v)), (1, 0, (1.0 - u) * v), (1, 1, u * v)]
+    {
+        let site = (row + down) as usize * lattice.columns as usize + (column + across) as usize;
+        let seen = &surfaces[site];
+        let mut weight = share;
+        if scene.sphere_count > 0 {
+            let turned = 1.0 - octahedral_vector(seen.normal_u, seen.normal_v).dot(surface.normal);
+            weight *= (1.0 - 10.0 * turned.max(0.0)).max(0.0);
+        }
+        if seen.face == face {
+            irradiance += Vec3::from(sites[site].irradiance) * weight;
+            total += weight;
+        }
+    }
+    if total < 0.01 { final_gather(scene, gatherer, surface, key) } else { irradiance * (1.0 / total) }
+}
+
+/// All sites of a lattice, on the calling thread's rayon pool.
+pub fn sites(scene: &SceneTables, gatherer: &Gatherer, frame: &Frame) -> (Vec<Site>, Vec<SiteSurface>) {
+    let lattice = gatherer.lattice;
+    let columns = lattice.columns as u32;
+    let key = lattice.key_low as u32 | (lattice.key_high as u32) << 16;
+    let place = |number: u32, offset: f32| (number as f32 - 1.0) * lattice.spacing + offset;
+    (0..columns * lattice.rows as u32)
+        .into_par_iter()
+        .map(|number| {
+            let x = place(number % columns, lattice.offset_x);
+            let y = place(number / columns, lattice.offset_y);
+            let (origin, direction) = (frame.position.into(), camera_direction(frame, x, y));
+            let Some(hit) = scene.closest_hit(origin, direction, None) else {
+                return (Site::default(), SiteSurface { face: -1.0, ..SiteSurface::default() });
+            };
+            let surface = scene.surface_at(origin, direction, hit);
+            let irradiance = match scene.objects[hit.object].diffuse > 0.0 {
+                true => final_gather(scene, gatherer, &surface, hash2_u(number, key)),
+                false => Vec3::ZERO,
+            };
+            let (normal_u, normal_v) = octahedral(surface.normal);
+            let seen = SiteSurface { face: face_of(&surface), normal_u, normal_v };
+            (Site { irradiance: irradiance.to_array() }, seen)
+        })
+        .unzip()
+}

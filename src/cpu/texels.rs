@@ -1,0 +1,70 @@
+//! Twin of `glsl/shared/texels.glsl` and `kernels/irradiance.cl`: irradiance texels, and photons added to them.
+
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::photons::{stream_of, walk_photons};
+use super::random::unit_real;
+use super::scene::{SceneTables, Surface};
+use super::walk::number_u;
+use crate::charts::Charts;
+use crate::emission::{Emission, Plan, Quanta};
+use crate::layout::{Chart, Texel};
+
+/// Octahedral coordinates of a unit vector, in [−1, 1]².
+pub fn octahedral(n: Vec3) -> (f32, f32) {
+    let scale = 1.0 / (n.x.abs() + n.y.abs() + n.z.abs());
+    let (u, v) = (n.x * scale, n.z * scale);
+    if n.y < 0.0 { ((1.0 - v.abs()).copysign(u), (1.0 - u.abs()).copysign(v)) } else { (u, v) }
+}
+
+/// The unit vector of octahedral coordinates.
+pub fn octahedral_vector(u: f32, v: f32) -> Vec3 {
+    let y = 1.0 - u.abs() - v.abs();
+    let (x, z) = if y < 0.0 { ((1.0 - v.abs()).copysign(u), (1.0 - u.abs()).copysign(v)) } else { (u, v) };
+    super::camera::normalize3(Vec3::new(x, y, z))
+}
+
+/// The texel of a surface point.
+pub fn texel_of(scene: &SceneTables, charts: &[Chart], surface: &Surface) -> usize {
+    let chart = &charts[surface.object];
+    let (u, v) = if surface.object < scene.sphere_count {
+        octahedral(surface.normal * surface.side)
+    } else {
+        let u = Vec3::from(chart.axis_u).dot(surface.position) + chart.offset_u;
+        let v = Vec3::from(chart.axis_v).dot(surface.position) + chart.offset_v;
+        (u / (1.0 + chart.bend * u.abs()), v / (1.0 + chart.bend * v.abs()))
+    };
+    let column = ((u * 0.5 + 0.5) * chart.columns).max(0.0).min(chart.columns - 1.0) as usize;
+    let row = ((v * 0.5 + 0.5) * chart.rows).max(0.0).min(chart.rows - 1.0) as usize;
+    let (columns, rows) = (chart.columns as usize, chart.rows as usize);
+    let back = if surface.side < 0.0 { columns * rows } else { 0 };
+    chart.first as usize + back + row * columns + column
+}
+
+/// Walks a pass's paths and adds what they bring to the texels, on the calling thread's rayon pool.
+pub fn irradiance(scene: &SceneTables, plan: &Plan, charts: &Charts, emission: &Emission, paths: u32) -> Vec<Texel> {
+    let emitters = plan.emitters(paths);
+    let quanta = Quanta::of(&emitters, paths);
+    let stream = stream_of(emission.seed, emission.pass);
+    let sums: Vec<AtomicU32> = (0..3 * charts.texels()).map(|_| AtomicU32::new(0)).collect();
+    let paths = if plan.is_empty() { 0 } else { paths };
+    (0..paths).into_par_iter().with_min_len(1024).for_each(|path| {
+        walk_photons(scene, plan, &emitters, emission, path, stream, |photon, surface| {
+            let texel = texel_of(scene, &charts.records, surface);
+            let chance = unit_real(number_u(photon.key, 8));
+            let brought = photon.throughput * (photon.power * quanta.per_watt);
+            for channel in 0..3 {
+                // Whole numbers: the sum does not depend on the order of threads.
+                sums[3 * texel + channel].fetch_add((brought[channel] + chance) as u32, Ordering::Relaxed);
+            }
+        });
+    });
+    let texel = |(i, inverse_area): (usize, &f32)| {
+        let scale = inverse_area * quanta.watts;
+        Texel { irradiance: [0, 1, 2].map(|channel| sums[3 * i + channel].load(Ordering::Relaxed) as f32 * scale) }
+    };
+    charts.inverse_areas.iter().enumerate().map(texel).collect()
+}

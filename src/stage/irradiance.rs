@@ -1,0 +1,203 @@
+//! Irradiance texels: packed scene in, irradiance by photons of at least one bounce out; on OpenCL
+//! (`kernels/irradiance.cl`) or by the twin.
+
+use std::rc::Rc;
+
+use super::map::MapCounts;
+use super::paths::{self, Paths, Range};
+use crate::charts::Charts;
+use crate::cl::{Arg, Buffer, Context, Kernel};
+use crate::cpu;
+use crate::cpu::photons::stream_of;
+use crate::emission::{Amount, Emission, Plan, Quanta};
+use crate::error::{Error, Result};
+use crate::features::Features;
+use crate::layout::{Chart, Texel};
+use crate::pack::Packed;
+use crate::source::{Options, assemble};
+
+/// Makes irradiance texels on one machine and holds the last ones.
+pub enum IrradianceStage {
+    /// Kernels.
+    Device(Box<DeviceIrradiance>),
+    /// The twin.
+    Host(Box<HostIrradiance>),
+}
+
+/// See [`IrradianceStage::Device`].
+pub struct DeviceIrradiance {
+    context: Rc<Context>,
+    scene: Option<DeviceScene>,
+    /// Splat, resolve and clear, and what the first was built for.
+    kernels: Option<(Vec<String>, [Kernel; 3])>,
+}
+
+struct DeviceScene {
+    paths: Paths,
+    charts: Buffer<Chart>,
+    inverse_areas: Buffer<f32>,
+    sums: Buffer<[u32; 3]>,
+    texels: Buffer<Texel>,
+}
+
+/// See [`IrradianceStage::Host`].
+pub struct HostIrradiance {
+    pool: Rc<rayon::ThreadPool>,
+    scene: Option<(Packed, Features, Plan, Charts)>,
+    texels: Vec<Texel>,
+}
+
+/// Finished texels, as the trace stage takes them.
+#[derive(Clone, Copy)]
+pub enum IrradianceView<'a> {
+    /// In device memory.
+    Device {
+        /// The device.
+        context: &'a Context,
+        /// By object.
+        charts: &'a Buffer<Chart>,
+        /// In the order of charts.
+        texels: &'a Buffer<Texel>,
+    },
+    /// In host memory.
+    Host {
+        /// By object.
+        charts: &'a [Chart],
+        /// In the order of charts.
+        texels: &'a [Texel],
+    },
+}
+
+impl IrradianceStage {
+    /// On an open device.
+    pub fn on_device(context: Rc<Context>) -> IrradianceStage {
+        IrradianceStage::Device(Box::new(DeviceIrradiance { context, scene: None, kernels: None }))
+    }
+
+    /// On a pool of threads.
+    pub fn on_host(pool: Rc<rayon::ThreadPool>) -> IrradianceStage {
+        IrradianceStage::Host(Box::new(HostIrradiance { pool, scene: None, texels: Vec::new() }))
+    }
+
+    /// Takes over a scene and builds what its paths need.
+    ///
+    /// # Errors
+    /// [`Error::Build`] and [`Error::Device`] from the device; [`Error::Usage`] for too many lights.
+    pub fn upload(&mut self, packed: &Packed, features: &Features, emission: &Emission) -> Result<()> {
+        let charts = Charts::new(packed);
+        match self {
+            IrradianceStage::Device(stage) => {
+                let context = &stage.context;
+                let paths = Paths::new(context, packed)?;
+                let mut defines = vec!["HAS_CHARTS".to_string()];
+                defines.extend(paths.defines(emission));
+                let lanes = context.device.lanes;
+                let made_for: Vec<String> = defines.iter().cloned().chain([format!("{features:?}")]).collect();
+                if stage.kernels.as_ref().is_none_or(|(known, _)| *known != made_for) {
+                    let options = Options { lanes, defines, ..Options::default() };
+                    let source = assemble("irradiance.cl", Some(features), &options);
+                    let kernel = |name| context.kernel(&source, name);
+                    let kernels =
+                        [kernel("irradiance_splat")?, kernel("irradiance_resolve")?, kernel("irradiance_clear")?];
+                    stage.kernels = Some((made_for, kernels));
+                }
+                stage.scene = Some(DeviceScene {
+                    paths,
+                    charts: Buffer::from_slice(context, &charts.records)?,
+                    inverse_areas: Buffer::from_slice(context, &charts.inverse_areas)?,
+                    sums: Buffer::new(context, charts.texels())?,
+                    texels: Buffer::new(context, charts.texels())?,
+                });
+            }
+            IrradianceStage::Host(stage) => {
+                stage.scene = Some((packed.clone(), *features, Plan::new(packed)?, charts));
+            }
+        }
+        Ok(())
+    }
+
+    /// Emits one pass and waits for it.
+    ///
+    /// # Errors
+    /// [`Error::Device`] from the device; [`Error::Usage`] where a number of stored photons is asked for: none is.
+    pub fn emit(&mut self, emission: &Emission) -> Result<MapCounts> {
+        let Amount::Paths(paths) = emission.amount else {
+            return Err(Error::Usage("--stored: final gathering stores no photons; give --photons".into()));
+        };
+        match self {
+            IrradianceStage::Device(stage) => {
+                let (Some(scene), Some((_, [splat, resolve, clear]))) = (&stage.scene, &stage.kernels) else {
+                    return Err(no_scene());
+                };
+                let context = &stage.context;
+                let emitters = scene.paths.plan.emitters(paths);
+                let quanta = Quanta::of(&emitters, paths);
+                let emitters = Buffer::from_slice(context, &emitters)?;
+                let count = scene.texels.len();
+                let sums = Arg::from(&scene.sums);
+                context.launch(clear, &[sums, (3 * count as u32).into()], &[3 * count], None)?;
+                if !scene.paths.plan.is_empty() {
+                    let range = Range::new(context, 0, paths);
+                    let stream = stream_of(emission.seed, emission.pass);
+                    let mut args = scene.paths.args(&[Arg::from(&scene.charts)], &emitters, &range, stream);
+                    args.extend([Arg::Uint(range.runs()), quanta.per_watt.into(), sums]);
+                    paths::launch(context, splat, &args, range.runs())?;
+                }
+                let texels = Arg::from(&scene.texels);
+                let areas = Arg::from(&scene.inverse_areas);
+                let args = [sums, areas, quanta.watts.into(), texels, Arg::Uint(count as u32)];
+                context.launch(resolve, &args, &[count], None)?;
+                context.finish()?;
+            }
+            IrradianceStage::Host(stage) => {
+                let Some((packed, features, plan, charts)) = &stage.scene else { return Err(no_scene()) };
+                let scene = cpu::scene::SceneTables::new(packed, features);
+                stage.texels = stage.pool.install(|| cpu::texels::irradiance(&scene, plan, charts, emission, paths));
+            }
+        }
+        Ok(MapCounts { emitted: paths.into(), stored: 0 })
+    }
+
+    /// The last texels.
+    pub fn view(&self) -> Option<IrradianceView<'_>> {
+        match self {
+            IrradianceStage::Device(stage) => {
+                let scene = stage.scene.as_ref()?;
+                Some(IrradianceView::Device { context: &stage.context, charts: &scene.charts, texels: &scene.texels })
+            }
+            IrradianceStage::Host(stage) => {
+                let (.., charts) = stage.scene.as_ref()?;
+                Some(IrradianceView::Host { charts: &charts.records, texels: &stage.texels })
+            }
+        }
+    }
+
+    /// Bytes held on the device.
+    pub fn bytes(&self) -> usize {
+        match self {
+            IrradianceStage::Device(stage) => stage.scene.as_ref().map_or(0, |scene| {
+                scene.charts.bytes() + scene.inverse_areas.bytes() + scene.sums.bytes() + scene.texels.bytes()
+            }),
+            IrradianceStage::Host(stage) => size_of_val(&stage.texels[..]),
+        }
+    }
+}
+
+impl IrradianceView<'_> {
+    /// Charts and texels in host memory, for OpenGL and for tests.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when the transfer fails.
+    pub fn read(&self) -> Result<(Vec<Chart>, Vec<Texel>)> {
+        match self {
+            IrradianceView::Device { context, charts, texels } => {
+                Ok((charts.to_vec(context)?, texels.to_vec(context)?))
+            }
+            IrradianceView::Host { charts, texels } => Ok((charts.to_vec(), texels.to_vec())),
+        }
+    }
+}
+
+fn no_scene() -> Error {
+    Error::Device("irradiance texels: asked for before there was a scene".into())
+}
