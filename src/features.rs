@@ -85,7 +85,7 @@ impl Features {
             plane_shadows: separating > 0,
             glossy: glossy > 0 && !scene.lights.is_empty(),
             ambient: ambient > 0,
-            one_sample: settings.samples == 1,
+            one_sample: settings.samples == 1 && !settings.jittered,
             in_uniforms: spheres + planes <= OBJECTS_IN_UNIFORMS && scene.lights.len() <= LIGHTS_IN_UNIFORMS,
         };
         let reason = |feature, used, why| Reason { feature, used, why };

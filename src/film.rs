@@ -8,11 +8,13 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 
+mod accumulator;
 mod exr_file;
 mod heat_map;
 mod output;
 mod png_file;
 
+pub use accumulator::{Accumulator, REPLICATES, STUDENT_90, fnv1a};
 pub use exr_file::{ExrFile, load_exr};
 pub use heat_map::{HEAT_MAP_DECADES, HEAT_MAP_WHITE, heat_map};
 pub use output::{Format, check_directory, check_output, write_beside};

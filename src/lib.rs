@@ -17,6 +17,8 @@ pub mod cli;
 
 pub mod bench;
 
+pub mod progressive;
+
 pub mod pipeline;
 
 pub mod choice;

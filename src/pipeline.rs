@@ -66,6 +66,20 @@ pub struct Times {
     pub total: f64,
 }
 
+impl Times {
+    /// Adds another picture's times.
+    pub fn add(&mut self, other: &Times) {
+        self.compile += other.compile;
+        self.emit += other.emit;
+        self.grid += other.grid;
+        self.tiles += other.tiles;
+        self.upload += other.upload;
+        self.trace += other.trace;
+        self.readback += other.readback;
+        self.total += other.total;
+    }
+}
+
 /// The devices behind a picture, by name.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Devices {
@@ -384,7 +398,7 @@ impl Pipeline {
             Technique::Map => (false, false),
             Technique::FinalGather(gather) => (true, gather.spacing > 1),
         };
-        let size = |s: &Settings| (s.width, s.height, s.samples, s.first_sample, s.seed);
+        let size = |s: &Settings| (s.width, s.height, s.samples, s.first_sample, s.jittered, s.seed);
         let emitted = |s: &Settings| (s.photons, s.seed, s.light);
         Change::CAMERA
             .when(before.camera != scene.camera || size(was) != size(settings))

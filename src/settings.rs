@@ -154,6 +154,13 @@ pub struct FinalGather {
     pub first_ray: u32,
 }
 
+impl Default for FinalGather {
+    /// Measured on the report's scenes: see the README.
+    fn default() -> Self {
+        FinalGather { rays: 64, spacing: 4, first_ray: 0 }
+    }
+}
+
 /// Settings of one picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
@@ -165,6 +172,8 @@ pub struct Settings {
     pub samples: u32,
     /// Number of the first sample, so that passes continue one sequence.
     pub first_sample: u32,
+    /// A single sample lies anywhere in its pixel as well, because other passes bring more.
+    pub jittered: bool,
     /// Keys every random number.
     pub seed: u32,
     /// Who carries direct light.
@@ -212,6 +221,7 @@ impl Default for Settings {
             height: 480,
             samples: 1,
             first_sample: 0,
+            jittered: false,
             seed: 0,
             light: LightMode::default(),
             photons: Photons { amount: Amount::Paths(200_000), pass: 0, sampler: Sampler::default() },

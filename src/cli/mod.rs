@@ -3,7 +3,9 @@
 mod bench;
 mod compare;
 mod doctor;
+mod interrupt;
 mod options;
+mod passes;
 mod plan;
 mod reference;
 mod render;

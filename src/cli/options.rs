@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 use std::str::FromStr;
+use std::time::Duration;
 
 use clap::{Args, ValueEnum};
 
@@ -197,6 +198,12 @@ pub fn parse_radius(text: &str) -> std::result::Result<f32, String> {
 fn parse_grid(text: &str) -> std::result::Result<[u32; 3], String> {
     let numbers: Vec<u32> = text.split(['x', '×']).filter_map(|n| n.parse().ok().filter(|n| *n > 0)).collect();
     <[u32; 3]>::try_from(numbers).map_err(|_| format!("found '{text}', expected NXxNYxNZ, such as 60x40x40"))
+}
+
+/// A positive, finite number of seconds.
+pub fn parse_seconds(text: &str) -> std::result::Result<Duration, String> {
+    let seconds = text.parse::<f64>().ok().filter(|&s| s > 0.0);
+    seconds.and_then(|s| Duration::try_from_secs_f64(s).ok()).ok_or_else(|| "expected a number of seconds > 0".into())
 }
 
 impl RenderOptions {

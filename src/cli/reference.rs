@@ -10,7 +10,8 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use super::options::Size;
+use super::interrupt::stop_on_interrupt;
+use super::options::{Size, parse_seconds};
 use super::{notice, print_json};
 use crate::error::{Error, Result};
 use crate::film::{Format, check_directory, check_output};
@@ -219,7 +220,7 @@ impl<'a> Watch<'a> {
         Self {
             checkpoint: args.checkpoint.as_deref(),
             bar: progress_bar(settings),
-            interrupted: stop_on_interrupt(),
+            interrupted: stop_on_interrupt("this sample of all pixels"),
             began: now,
             saved: now,
             told: now,
@@ -284,22 +285,6 @@ impl<'a> Watch<'a> {
     }
 }
 
-/// A flag that the first Ctrl-C sets; the second one ends the program as usual.
-fn stop_on_interrupt() -> Arc<AtomicBool> {
-    let flag = Arc::new(AtomicBool::new(false));
-    let seen = flag.clone();
-    let installed = ctrlc::set_handler(move || {
-        if seen.swap(true, Ordering::Relaxed) {
-            std::process::exit(130); // 128 + SIGINT, as a shell reports it
-        }
-        notice("stopping after this sample of all pixels; Ctrl-C again ends at once");
-    });
-    if let Err(e) = installed {
-        notice(&format!("Ctrl-C will not save what is done: {e}"));
-    }
-    flag
-}
-
 /// Samples or milliseconds on stderr, whichever limit was set; hidden where stderr is not a terminal.
 fn progress_bar(settings: &ReferenceSettings) -> ProgressBar {
     let length = match (settings.time, settings.spp) {
@@ -313,12 +298,6 @@ fn progress_bar(settings: &ReferenceSettings) -> ProgressBar {
         bar.set_style(style);
     }
     bar
-}
-
-/// A positive, finite number of seconds.
-fn parse_seconds(text: &str) -> std::result::Result<Duration, String> {
-    let seconds = text.parse::<f64>().ok().filter(|&s| s > 0.0);
-    seconds.and_then(|s| Duration::try_from_secs_f64(s).ok()).ok_or_else(|| "expected a number of seconds > 0".into())
 }
 
 #[cfg(test)]

@@ -5,12 +5,13 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::options::{BackendArg, RenderOptions};
+use super::passes::{self, PassOptions, Passes};
 use super::{notice, print_json};
 use crate::change::Stage;
 use crate::error::{Error, Result};
 use crate::film::{SaveOptions, check_output};
 use crate::pipeline::{Devices, Pipeline, Times};
-use crate::settings::{Backend, LightMode, Method};
+use crate::settings::{Backend, LightMode, Method, Technique};
 use crate::stage::map::MapCounts;
 
 /// Render a scene to a PNG or EXR file
@@ -18,6 +19,8 @@ use crate::stage::map::MapCounts;
 pub struct Args {
     #[command(flatten)]
     options: RenderOptions,
+    #[command(flatten)]
+    passes: PassOptions,
     /// Where to write: .png (tone-mapped sRGB) or .exr (linear radiance) [default: the scene's name, .png]
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -50,11 +53,20 @@ struct Report<'a> {
     devices: &'a Devices,
     memory_bytes: usize,
     output: String,
+    /// Passes in the picture, those of a checkpoint included.
+    passes: u64,
+    technique: &'static str,
+    /// Seconds of this run's passes, compilation apart.
+    render_seconds: f64,
+    /// Estimated: mean over the image of (standard error + bias) / radiance.
+    error: Option<f64>,
+    interrupted: bool,
 }
 
 pub fn run(args: &Args) -> Result<()> {
     let scene = args.options.load()?;
-    let settings = args.options.settings(&scene);
+    let mut settings = args.options.settings(&scene);
+    args.passes.apply(&args.options, &scene, &mut settings)?;
     let output = args.output.clone().unwrap_or_else(|| PathBuf::from(format!("{}.png", scene.name)));
     check_output(&output)?;
     let exposure = args.exposure.or(scene.render.exposure.map(|ev| ev as f32)).unwrap_or(0.0);
@@ -69,17 +81,25 @@ pub fn run(args: &Args) -> Result<()> {
     let device = device.map(|name| format!(" on {name}")).unwrap_or_default();
     notice(&format!("rendering with {} ({chosen}){device}", pipeline.backend.name()));
 
-    let rendering = pipeline.render(&scene, &settings)?;
+    let picture = if args.passes.wanted(&scene) {
+        passes::run(&mut pipeline, &scene, &settings, &args.passes)?
+    } else {
+        let rendering = pipeline.render(&scene, &settings)?;
+        Passes::one(rendering)
+    };
+    let rendering = &picture.last;
     let note = |name: &str, value: String| (name.to_string(), value);
     let provenance = [
         note("scene", scene.name.clone()),
         note("backend", pipeline.backend.name().into()),
         note("samples", settings.samples.to_string()),
+        note("passes", picture.passes.to_string()),
         note("seed", settings.seed.to_string()),
     ];
-    rendering.image.save(&output, &SaveOptions { exposure, settings: &provenance, channels: &[] })?;
+    let channels = picture.estimate.as_ref().map(passes::channels).unwrap_or_default();
+    picture.image.save(&output, &SaveOptions { exposure, settings: &provenance, channels: &channels })?;
 
-    let times = rendering.times;
+    let times = picture.times;
     if let (Some(photons), Some(radius)) = (rendering.photons, rendering.radius) {
         notice(&format!(
             "{} paths emitted, {} photons stored, gathered by {} with radius {radius:.4} m",
@@ -87,6 +107,11 @@ pub fn run(args: &Args) -> Result<()> {
             photons.stored,
             rendering.method.map_or("nothing", Method::name)
         ));
+    }
+    let error = picture.estimate.as_ref().map(|estimate| estimate.relative);
+    if picture.passes > 1 {
+        let error = error.map(|error| format!(", error about {:.3}%", 100.0 * error)).unwrap_or_default();
+        notice(&format!("{} passes in {:.2} s{error}", picture.passes, picture.seconds));
     }
     notice(&format!(
         "{} in {:.1} ms (compile {:.1}, emit {:.1}, grid {:.1}, tiles {:.1}, upload {:.1}, trace {:.1}, readback {:.1})",
@@ -113,11 +138,28 @@ pub fn run(args: &Args) -> Result<()> {
             samples: settings.samples,
             seed: settings.seed,
             time_ms: times,
-            skipped: rendering.skipped,
+            skipped: rendering.skipped.clone(),
             devices: &pipeline.devices,
             memory_bytes: pipeline.bytes(),
             output: output.display().to_string(),
+            passes: picture.passes,
+            technique: match settings.technique {
+                Technique::Map => "map",
+                Technique::FinalGather(_) => "final-gather",
+            },
+            render_seconds: picture.seconds,
+            error,
+            interrupted: picture.interrupted,
         });
     }
-    Ok(())
+    // Not what was asked for: a script must not take it for that.
+    match picture.interrupted {
+        true => Err(Error::Failed(match &picture.checkpoint {
+            Some(path) => {
+                format!("interrupted after {} passes; go on with --checkpoint {}", picture.passes, path.display())
+            }
+            None => format!("interrupted after {} passes; {} holds what was done", picture.passes, output.display()),
+        })),
+        false => Ok(()),
+    }
 }

@@ -17,9 +17,9 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
+use crate::film::fnv1a;
 use crate::scene::Scene;
 
-mod accumulator;
 pub mod agreement;
 mod anchors;
 mod bsdf;
@@ -31,7 +31,7 @@ mod technique;
 #[cfg(test)]
 mod tests;
 
-pub use accumulator::{Accumulator, REPLICATES};
+pub use crate::film::{Accumulator, REPLICATES};
 use estimator::{Estimator, Far, Scratch};
 use sampler::Sampler;
 use technique::{TECHNIQUE, Technique};
@@ -179,8 +179,11 @@ fn accumulate(
     let mut pass = vec![0.0; width as usize * height as usize * 3];
     while target.is_none_or(|target| accumulator.passes() < target) {
         let (replicate, cycle) = (accumulator.passes() % replicates, accumulator.passes() / replicates);
+        // Replicate-major: each has sums of its own.
+        let values = anchors.points().len() * 3;
         let anchor_sums = accumulator
-            .anchor_sums(anchors.points().len())
+            .extras(values * REPLICATES)
+            .map(|sums| &mut sums[replicate as usize * values..][..values])
             .ok_or_else(|| Error::Usage("the checkpoint was made by another version of the program".into()))?;
         let render_pass = || {
             // Improve what the anchors know, and use it at once: any state of it is unbiased.
@@ -213,7 +216,7 @@ fn accumulate(
             );
         };
         pool.install(render_pass);
-        accumulator.add(&pass);
+        accumulator.add(pass.iter().copied());
         let elapsed = began.elapsed();
         if progress(&Progress { accumulator: &accumulator, elapsed, target }).is_break() {
             break;
@@ -259,5 +262,5 @@ fn fingerprint(scene: &Scene, settings: &ReferenceSettings) -> u64 {
     let ReferenceSettings { size, light, seed, spp: _, time: _, threads: _ } = settings;
     // Debug prints every float in full, and any change of a type's fields changes it too.
     let text = format!("{camera:?}{materials:?}{lights:?}{spheres:?}{planes:?}{size:?}{light:?}{seed}{TECHNIQUE:?}");
-    accumulator::fnv1a(text.as_bytes())
+    fnv1a(text.as_bytes())
 }

@@ -202,7 +202,6 @@ impl Trace for GlTrace {
             program.activate(&self.samplers(&FinalTextures::SAMPLERS[..2]));
             self.bind_scene(program, frame, 2);
             program.set_records(std::slice::from_ref(lattice));
-            self.finals.bind(0, false);
             self.finals.draw_sites(program, lattice)?;
         }
         let (Some(program), Some((_, _, target))) = (self.programs.get(&(active, draws.slices > 1)), &self.target)

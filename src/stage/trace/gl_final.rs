@@ -48,7 +48,7 @@ impl FinalTextures {
         }
     }
 
-    /// Draws the sites with the active program.
+    /// Draws the sites with the active program, whose first two samplers are charts and texels.
     ///
     /// # Errors
     /// [`Error::Device`] when the driver refuses the size or reports an error.
@@ -62,6 +62,8 @@ impl FinalTextures {
         let Some((_, target)) = &self.sites else {
             return Err(Error::Device("OpenGL: no target for the sites".into()));
         };
+        // Only now: making a target binds its textures.
+        self.bind(0, false);
         target.draw(program)
     }
 

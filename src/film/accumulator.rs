@@ -1,4 +1,4 @@
-//! Running sums of an unfinished reference image: what is kept, what it is worth, and how it is saved and resumed.
+//! Running sums of an unfinished image: what is kept, what it is worth, and how it is saved and resumed.
 
 use std::io::Write as _;
 use std::path::Path;
@@ -16,7 +16,11 @@ pub const REPLICATES: usize = 8;
 /// Relative luminance of linear Rec. 709 (ITU-R BT.709).
 const LUMINANCE: DVec3 = DVec3::new(0.2126, 0.7152, 0.0722);
 
-const MAGIC: &[u8; 8] = b"photref1";
+const MAGIC: &[u8; 8] = b"photacc2";
+
+/// The 95% quantile of Student's t with 7 degrees of freedom, those of [`REPLICATES`] means: within so many standard
+/// errors lies the truth of 90% of unbiased pixels.
+pub const STUDENT_90: f64 = 1.895;
 
 /// Sums over samples, per replicate and pixel, in double precision.
 ///
@@ -30,14 +34,15 @@ pub struct Accumulator {
     passes: u64,
     /// Replicate-major, then row, column, channel.
     sums: Vec<f64>,
-    /// Sums of the irradiance estimates at the anchors; replicate-major, then anchor, channel. Empty before any.
-    anchor_sums: Vec<f64>,
+    /// What else the renderer sums up from pass to pass; empty before the first.
+    extras: Vec<f64>,
 }
 
 impl Accumulator {
-    pub(super) fn new(size: (u32, u32), fingerprint: u64) -> Self {
+    /// Without passes. `fingerprint`: of everything that the samples depend on (see [`fnv1a`]).
+    pub fn new(size: (u32, u32), fingerprint: u64) -> Self {
         let values = size.0 as usize * size.1 as usize * 3;
-        Self { size, fingerprint, passes: 0, sums: vec![0.0; values * REPLICATES], anchor_sums: vec![] }
+        Self { size, fingerprint, passes: 0, sums: vec![0.0; values * REPLICATES], extras: vec![] }
     }
 
     /// Pixels: width, height.
@@ -56,23 +61,35 @@ impl Accumulator {
     }
 
     /// Add one pass: radiance per pixel, rows from the top, three channels.
-    pub(super) fn add(&mut self, pass: &[f64]) {
+    ///
+    /// # Panics
+    /// When there are fewer values than the image has.
+    pub fn add(&mut self, pass: impl IntoIterator<Item = f64>) {
+        let values = self.sums.len() / REPLICATES;
         let replicate = (self.passes % REPLICATES as u64) as usize;
-        let sums = &mut self.sums[replicate * pass.len()..][..pass.len()];
-        for (sum, value) in sums.iter_mut().zip(pass) {
+        let mut added = 0;
+        for (sum, value) in self.sums[replicate * values..][..values].iter_mut().zip(pass) {
             *sum += value;
+            added += 1;
         }
+        assert!(added == values, "a pass of {added} values for an image of {values}");
         self.passes += 1;
     }
 
-    /// The anchors' sums of the replicate whose turn it is, three channels each; None if there are not `count` of them.
-    pub(super) fn anchor_sums(&mut self, count: usize) -> Option<&mut [f64]> {
+    /// The renderer's own sums, `count` of them; they begin as zeros. None if a loaded image has another number.
+    pub fn extras(&mut self, count: usize) -> Option<&mut [f64]> {
         if self.passes == 0 {
-            self.anchor_sums.resize(count * 3 * REPLICATES, 0.0);
+            self.extras.resize(count, 0.0);
         }
-        let replicate = (self.passes % REPLICATES as u64) as usize;
-        let same = self.anchor_sums.len() == count * 3 * REPLICATES;
-        same.then(|| &mut self.anchor_sums[replicate * count * 3..][..count * 3])
+        (self.extras.len() == count).then_some(&mut self.extras[..])
+    }
+
+    /// Mean radiance per pixel, rows from the top; None before the first pass.
+    pub fn mean(&self) -> Option<Vec<DVec3>> {
+        let values = self.sums.len() / REPLICATES;
+        let sum =
+            |at: usize| -> DVec3 { (0..REPLICATES).map(|r| DVec3::from_slice(&self.sums[r * values + at..])).sum() };
+        (self.passes > 0).then(|| (0..values / 3).map(|pixel| sum(3 * pixel) / self.passes as f64).collect())
     }
 
     /// Mean radiance and its standard error per pixel, rows from the top; None before every replicate has a sample.
@@ -105,7 +122,7 @@ impl Accumulator {
     /// Standard error of the mean of all pixels, from the replicates' own means.
     ///
     /// Zero before every replicate has a sample.
-    pub(super) fn overall_error(&self) -> DVec3 {
+    pub fn overall_error(&self) -> DVec3 {
         if self.passes < REPLICATES as u64 {
             return DVec3::ZERO;
         }
@@ -161,11 +178,11 @@ impl Accumulator {
                 file.write_all(bytes)
             };
             put(MAGIC)?;
-            let anchors = self.anchor_sums.len() as u64;
-            for value in [self.fingerprint, u64::from(self.size.0), u64::from(self.size.1), self.passes, anchors] {
+            let extras = self.extras.len() as u64;
+            for value in [self.fingerprint, u64::from(self.size.0), u64::from(self.size.1), self.passes, extras] {
                 put(&value.to_le_bytes())?;
             }
-            for sum in self.sums.iter().chain(&self.anchor_sums) {
+            for sum in self.sums.iter().chain(&self.extras) {
                 put(&sum.to_le_bytes())?;
             }
             file.write_all(&check.0.to_le_bytes())
@@ -181,7 +198,7 @@ impl Accumulator {
             std::fs::read(path).map_err(|e| Error::File { path: path.into(), what: format!("cannot be read: {e}") })?;
         let wrong = |what: &str| Error::Usage(format!("{}: {what}", path.display()));
         if !bytes.starts_with(MAGIC) || bytes.len() < 56 {
-            return Err(wrong("not a checkpoint of a reference image"));
+            return Err(wrong("not a checkpoint of an image"));
         }
         let (content, check) = bytes.split_at(bytes.len() - 8);
         if fnv1a(content).to_le_bytes() != check {
@@ -189,20 +206,20 @@ impl Accumulator {
         }
         let mut words = content[8..].chunks_exact(8).map(|w| u64::from_le_bytes(w.try_into().expect("8 bytes")));
         let mut word = || words.next().unwrap_or(0);
-        let (fingerprint, width, height, passes, anchors) = (word(), word(), word(), word(), word());
+        let (fingerprint, width, height, passes, extra_sums) = (word(), word(), word(), word(), word());
         let mut sums: Vec<f64> = words.map(f64::from_bits).collect();
         let expected = width
             .checked_mul(height)
             .and_then(|n| n.checked_mul(3 * REPLICATES as u64))
-            .and_then(|n| n.checked_add(anchors));
+            .and_then(|n| n.checked_add(extra_sums));
         let (Ok(width), Ok(height)) = (u32::try_from(width), u32::try_from(height)) else {
             return Err(wrong("checkpoint has an impossible size"));
         };
         if expected != Some(sums.len() as u64) {
             return Err(wrong(&format!("checkpoint of {width}x{height} pixels holds {} values", sums.len())));
         }
-        let anchor_sums = sums.split_off(sums.len() - anchors as usize);
-        Ok(Self { size: (width, height), fingerprint, passes, sums, anchor_sums })
+        let extras = sums.split_off(sums.len() - extra_sums as usize);
+        Ok(Self { size: (width, height), fingerprint, passes, sums, extras })
     }
 }
 
@@ -221,7 +238,8 @@ impl Fnv1a {
     }
 }
 
-pub(super) fn fnv1a(bytes: &[u8]) -> u64 {
+/// FNV-1a of some bytes, 64 bits.
+pub fn fnv1a(bytes: &[u8]) -> u64 {
     let mut hash = Fnv1a::default();
     hash.add(bytes);
     hash.0
@@ -235,7 +253,7 @@ mod tests {
         let mut accumulator = Accumulator::new((2, 1), 42);
         for pass in 0..passes {
             let value = (pass % 8) as f64;
-            accumulator.add(&[value, 2.0 * value, 1.0, 0.0, 0.0, 5.0]);
+            accumulator.add([value, 2.0 * value, 1.0, 0.0, 0.0, 5.0]);
         }
         accumulator
     }
