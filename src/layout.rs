@@ -366,10 +366,10 @@ record! {
     SiteSurface, "site_surface" in "site_surfaces" {
         /// 2·object + (0 | 1), −1 where the site's ray hit nothing.
         face: f32,
-        /// Octahedral coordinates of the normal.
-        normal_u: f32,
-        /// The second one.
-        normal_v: f32,
+        /// From the camera, metres.
+        distance: f32,
+        /// Zero.
+        reserved: f32,
     }
 }
 

@@ -3,7 +3,7 @@
 STRUCT(GatheredSite)
 struct GatheredSite {
     Vec3 irradiance;
-    Vec3 surface; // face, octahedral normal (layout.rs, SiteSurface)
+    Vec3 surface; // face, distance (layout.rs, SiteSurface)
 };
 
 INLINE GatheredSite gather_site(SCENE_PARAMS Int number) {
@@ -22,7 +22,6 @@ INLINE GatheredSite gather_site(SCENE_PARAMS Int number) {
     GatheredSite site;
     site.irradiance = make3(lanes(0.0f), lanes(0.0f), lanes(0.0f));
     if (any_lane(wanted)) site.irradiance = final_gather(SCENE surface, wanted, hash2_u(to_uint(number), lanes_u(LATTICE_KEY)));
-    Octahedral normal = octahedral(surface.normal);
-    site.surface = make3(pick(visible, face_of(surface), -1.0f), normal.u, normal.v);
+    site.surface = make3(pick(visible, face_of(surface), -1.0f), hit.t, lanes(0.0f));
     return site;
 }

@@ -23,14 +23,6 @@ INLINE Octahedral octahedral(Vec3 n) {
     return o;
 }
 
-INLINE Vec3 octahedral_vector(Real u, Real v) {
-    Real y = 1.0f - fabs(u) - fabs(v);
-    Real unfolded_u = copysign(1.0f - fabs(v), u);
-    Real unfolded_v = copysign(1.0f - fabs(u), v);
-    Bool below = y < 0.0f;
-    return normalize3(make3(pick(below, unfolded_u, u), y, pick(below, unfolded_v, v)));
-}
-
 #ifdef HAS_CHARTS
 // The texel of a surface point: its object's chart, once for each side.
 INLINE Int texel_of(SCENE_PARAMS Surface surface) {

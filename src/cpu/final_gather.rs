@@ -6,9 +6,10 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::camera::camera_direction;
+use super::intersect::INFINITE;
 use super::random::{hash_u, hash2_u, sequence_u};
 use super::scene::{SceneTables, Surface};
-use super::texels::{octahedral, octahedral_vector, texel_of};
+use super::texels::texel_of;
 use super::trace::direct_light;
 use super::walk::sample_cosine;
 use crate::layout::{Chart, Frame, Lattice, Site, SiteSurface, Texel};
@@ -63,6 +64,7 @@ fn face_of(surface: &Surface) -> f32 {
 pub fn indirect_irradiance(
     scene: &SceneTables,
     gatherer: &Gatherer,
+    frame: &Frame,
     surface: &Surface,
     x: f32,
     y: f32,
@@ -76,23 +78,54 @@ pub fn indirect_irradiance(
     let row = (v as i32).clamp(0, lattice.rows as i32 - 2);
     let (u, v) = (u - column as f32, v - row as f32);
     let face = face_of(surface);
+    let inverse_clearance = 1.0 / clearance(scene, surface).max(1e-20);
+    let extent = scene.objects[surface.object].extent;
     let (mut irradiance, mut total) = (Vec3::ZERO, 0.0);
     for (down, across, share) in
         [(0, 0, (1.0 - u) * (1.0 - v)), (0, 1, u * (1.0 - v)), (1, 0, (1.0 - u) * v), (1, 1, u * v)]
     {
-        let site = (row + down) as usize * lattice.columns as usize + (column + across) as usize;
-        let seen = &surfaces[site];
-        let mut weight = share;
-        if scene.sphere_count > 0 {
-            let turned = 1.0 - octahedral_vector(seen.normal_u, seen.normal_v).dot(surface.normal);
-            weight *= (1.0 - 10.0 * turned.max(0.0)).max(0.0);
+        let (column, row) = ((column + across) as u32, (row + down) as u32);
+        let site = row as usize * lattice.columns as usize + column as usize;
+        let towards = camera_direction(
+            frame,
+            site_place(lattice, column, lattice.offset_x),
+            site_place(lattice, row, lattice.offset_y),
+        );
+        let apart = Vec3::from(frame.position) + towards * surfaces[site].distance - surface.position;
+        let mut weight = share * (1.0 - apart.dot(apart).sqrt() * inverse_clearance).max(0.0);
+        if surface.object < scene.sphere_count {
+            weight *= (1.0 - 10.0 * (apart.dot(apart) / (extent * extent))).max(0.0);
         }
-        if seen.face == face {
+        if surfaces[site].face == face {
             irradiance += Vec3::from(sites[site].irradiance) * weight;
             total += weight;
         }
     }
-    if total < 0.01 { final_gather(scene, gatherer, surface, key) } else { irradiance * (1.0 / total) }
+    if total < LEAST_WEIGHT { final_gather(scene, gatherer, surface, key) } else { irradiance * (1.0 / total) }
+}
+
+/// A site's place on the image plane along one axis, pixels.
+fn site_place(lattice: &Lattice, number: u32, offset: f32) -> f32 {
+    (number as f32 - 1.0) * lattice.spacing + offset
+}
+
+/// Below, a pixel is alone.
+const LEAST_WEIGHT: f32 = 0.02;
+
+/// Distance from a point to the nearest surface but its own.
+fn clearance(scene: &SceneTables, surface: &Surface) -> f32 {
+    let distance = |(i, object): (usize, &crate::layout::Object)| {
+        let anchor = Vec3::from(object.anchor);
+        if i == surface.object {
+            INFINITE
+        } else if i < scene.sphere_count {
+            let from_center = surface.position - anchor;
+            (from_center.dot(from_center).sqrt() - object.extent).abs()
+        } else {
+            (anchor.dot(surface.position) - object.extent).abs()
+        }
+    };
+    scene.objects.iter().enumerate().map(distance).fold(INFINITE, f32::min)
 }
 
 /// All sites of a lattice, on the calling thread's rayon pool.
@@ -100,12 +133,11 @@ pub fn sites(scene: &SceneTables, gatherer: &Gatherer, frame: &Frame) -> (Vec<Si
     let lattice = gatherer.lattice;
     let columns = lattice.columns as u32;
     let key = lattice.key_low as u32 | (lattice.key_high as u32) << 16;
-    let place = |number: u32, offset: f32| (number as f32 - 1.0) * lattice.spacing + offset;
     (0..columns * lattice.rows as u32)
         .into_par_iter()
         .map(|number| {
-            let x = place(number % columns, lattice.offset_x);
-            let y = place(number / columns, lattice.offset_y);
+            let x = site_place(lattice, number % columns, lattice.offset_x);
+            let y = site_place(lattice, number / columns, lattice.offset_y);
             let (origin, direction) = (frame.position.into(), camera_direction(frame, x, y));
             let Some(hit) = scene.closest_hit(origin, direction, None) else {
                 return (Site::default(), SiteSurface { face: -1.0, ..SiteSurface::default() });
@@ -115,8 +147,7 @@ pub fn sites(scene: &SceneTables, gatherer: &Gatherer, frame: &Frame) -> (Vec<Si
                 true => final_gather(scene, gatherer, &surface, hash2_u(number, key)),
                 false => Vec3::ZERO,
             };
-            let (normal_u, normal_v) = octahedral(surface.normal);
-            let seen = SiteSurface { face: face_of(&surface), normal_u, normal_v };
+            let seen = SiteSurface { face: face_of(&surface), distance: hit.t, reserved: 0.0 };
             (Site { irradiance: irradiance.to_array() }, seen)
         })
         .unzip()

@@ -20,13 +20,6 @@ pub fn octahedral(n: Vec3) -> (f32, f32) {
     if n.y < 0.0 { ((1.0 - v.abs()).copysign(u), (1.0 - u.abs()).copysign(v)) } else { (u, v) }
 }
 
-/// The unit vector of octahedral coordinates.
-pub fn octahedral_vector(u: f32, v: f32) -> Vec3 {
-    let y = 1.0 - u.abs() - v.abs();
-    let (x, z) = if y < 0.0 { ((1.0 - v.abs()).copysign(u), (1.0 - u.abs()).copysign(v)) } else { (u, v) };
-    super::camera::normalize3(Vec3::new(x, y, z))
-}
-
 /// The texel of a surface point.
 pub fn texel_of(scene: &SceneTables, charts: &[Chart], surface: &Surface) -> usize {
     let chart = &charts[surface.object];

@@ -68,7 +68,7 @@ pub fn radiance_along(
         Indirect::Map(map) => photon_radiance(scene, map, &surface, -direction, tile),
         Indirect::Final(gatherer) => {
             let diffuse = Vec3::from(object.color) * (object.diffuse * FRAC_1_PI);
-            diffuse * indirect_irradiance(scene, gatherer, &surface, x, y, key)
+            diffuse * indirect_irradiance(scene, gatherer, frame, &surface, x, y, key)
         }
     };
     direct + reflected + Vec3::from(object.color) * object.ambient
