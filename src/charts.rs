@@ -9,11 +9,8 @@ use glam::{DVec2, DVec3};
 use crate::layout::{Chart, PLANE};
 use crate::pack::Packed;
 
-/// Texels of all charts together, one side each, to be expected; a few more because charts are whole rows.
-const BUDGET: f64 = 24_576.0;
-
 /// Fewest and most columns of a chart.
-const COLUMNS: (u32, u32) = (4, 192);
+const COLUMNS: (u32, u32) = (4, 1024);
 
 /// Points along a side of a texel at which it is asked what light can reach: an edge through a texel is known to about
 /// 1/50 of it.
@@ -116,8 +113,8 @@ fn unbend(x: f64) -> f64 {
 }
 
 impl Charts {
-    /// The charts of a packed scene.
-    pub fn new(packed: &Packed) -> Charts {
+    /// The charts of a packed scene, with about `budget` texels on one side each of all objects.
+    pub fn new(packed: &Packed, budget: u32) -> Charts {
         let domain = Domain::new(packed);
         let mut charts = Vec::new();
         for (object, record) in packed.objects.iter().enumerate() {
@@ -131,7 +128,7 @@ impl Charts {
         }
         // One length of texel for all of them, but for the shortest and the longest.
         let area: f64 = charts.iter().map(|c| c.size.x * c.size.y).sum();
-        let length = (area / BUDGET).sqrt();
+        let length = (area / f64::from(budget)).sqrt();
         let columns = |size: f64| {
             let wanted = if length > 0.0 { size / length } else { 0.0 };
             // Even, so that an octahedron's edges are borders of texels.
@@ -325,7 +322,7 @@ mod tests {
     fn charts(name: &str) -> (Packed, Charts) {
         let scene = scene::load(std::path::Path::new(&format!("scenes/{name}.toml"))).expect("a scene of ours");
         let packed = Packed::new(&scene, scene.camera.position);
-        let charts = Charts::new(&packed);
+        let charts = Charts::new(&packed, 24_576);
         (packed, charts)
     }
 

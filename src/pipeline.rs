@@ -248,10 +248,10 @@ impl Pipeline {
             _ => None,
         };
         let wants_map = wants_photons && final_gather.is_none();
-        if let (Some(_), true) = (final_gather, stale(Stage::Photons)) {
+        if let (Some(gather), true) = (final_gather, stale(Stage::Photons)) {
             let emission = emission(settings);
             if stale(Stage::Upload) || stale(Stage::Compile) {
-                self.irradiance.upload(&packed, &features, &emission)?;
+                self.irradiance.upload(&packed, &features, &emission, gather.texels)?;
                 times.compile += lap.ms();
             }
             photons = Some(self.irradiance.emit(&emission)?);
@@ -395,8 +395,8 @@ impl Pipeline {
         let Some(last) = &self.last else { return Change::ALL };
         let (before, was) = (&last.scene, &last.settings);
         let technique = |s: &Settings| match s.technique {
-            Technique::Map => (false, false),
-            Technique::FinalGather(gather) => (true, gather.spacing > 1),
+            Technique::Map => None,
+            Technique::FinalGather(gather) => Some((gather.spacing > 1, gather.texels)),
         };
         let size = |s: &Settings| (s.width, s.height, s.samples, s.first_sample, s.jittered, s.seed);
         let emitted = |s: &Settings| (s.photons, s.seed, s.light);

@@ -150,6 +150,8 @@ pub struct FinalGather {
     pub rays: u32,
     /// Pixels from site to site; 1: every sample of a pixel is a site of its own.
     pub spacing: u32,
+    /// Irradiance texels of one side each of all objects, about.
+    pub texels: u32,
     /// Number of a site's first ray, so that passes continue one sequence.
     pub first_ray: u32,
 }
@@ -157,7 +159,7 @@ pub struct FinalGather {
 impl Default for FinalGather {
     /// Measured on the report's scenes: see the README.
     fn default() -> Self {
-        FinalGather { rays: 64, spacing: 4, first_ray: 0 }
+        FinalGather { rays: 64, spacing: 4, texels: 24_576, first_ray: 0 }
     }
 }
 

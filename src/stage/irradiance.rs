@@ -79,12 +79,12 @@ impl IrradianceStage {
         IrradianceStage::Host(Box::new(HostIrradiance { pool, scene: None, texels: Vec::new() }))
     }
 
-    /// Takes over a scene and builds what its paths need.
+    /// Takes over a scene and builds what its paths need; about `budget` texels for one side each of all objects.
     ///
     /// # Errors
     /// [`Error::Build`] and [`Error::Device`] from the device; [`Error::Usage`] for too many lights.
-    pub fn upload(&mut self, packed: &Packed, features: &Features, emission: &Emission) -> Result<()> {
-        let charts = Charts::new(packed);
+    pub fn upload(&mut self, packed: &Packed, features: &Features, emission: &Emission, budget: u32) -> Result<()> {
+        let charts = Charts::new(packed, budget);
         match self {
             IrradianceStage::Device(stage) => {
                 let context = &stage.context;
