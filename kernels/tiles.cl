@@ -120,7 +120,7 @@ float dot_plain(float3 a, float3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; 
 // and number from `place` on.
 uint enter(int i, __global const float *frame, __global const float *gather, __global const float *tiles,
            __global const float *regions, __global const float *photon_positions,
-           __global const float *photon_surfaces, int tiles_down, __global uint *keys, __global uint *photons,
+           __global const float *photon_faces, int tiles_down, __global uint *keys, __global uint *photons,
            uint place) {
     float3 p = photon_position_scalar(i);
     float3 eye = frame_position_scalar(), right = frame_right_scalar(), up = frame_up_scalar();
@@ -137,7 +137,7 @@ uint enter(int i, __global const float *frame, __global const float *gather, __g
     int tiles_across = count_of(gather_tiles_across());
     int2 columns = tile_range((across.x + 1.0f) * pixels, (across.y + 1.0f) * pixels, gather_tile_width(), tiles_across);
     int2 lines = tile_range((1.0f - upward.y) * rows, (1.0f - upward.x) * rows, gather_tile_height(), tiles_down);
-    float face = 2.0f * photon_object_scalar(i) + (photon_side_scalar(i) < 0.0f ? 1.0f : 0.0f);
+    float face = photon_face(i);
     uint entered = 0u;
     for (int y = lines.x; y <= lines.y; y++)
         for (int x = columns.x; x <= columns.y; x++) {
@@ -171,14 +171,14 @@ uint enter(int i, __global const float *frame, __global const float *gather, __g
 // counts[work-item]: pairs of a run of neighbouring photons.
 __kernel void tiles_count(__global const float *frame, __global const float *gather, __global const float *tiles,
                           __global const float *regions, __global const float *photon_positions,
-                          __global const float *photon_surfaces, int tiles_down, __global uint *counts, int count,
+                          __global const float *photon_faces, int tiles_down, __global uint *counts, int count,
                           int per_item) {
     int item = get_global_id(0);
     int end = min((item + 1) * per_item, count);
     uint entered = 0u;
     for (int i = item * per_item; i < end; i++)
         // Saturated: the host refuses what is far too many.
-        entered = add_sat(entered, enter(i, frame, gather, tiles, regions, photon_positions, photon_surfaces,
+        entered = add_sat(entered, enter(i, frame, gather, tiles, regions, photon_positions, photon_faces,
                                          tiles_down, 0, 0, 0u));
     counts[item] = entered;
 }
@@ -186,13 +186,13 @@ __kernel void tiles_count(__global const float *frame, __global const float *gat
 // The pairs themselves; places are the scanned counts.
 __kernel void tiles_fill(__global const float *frame, __global const float *gather, __global const float *tiles,
                          __global const float *regions, __global const float *photon_positions,
-                         __global const float *photon_surfaces, int tiles_down, __global const uint *places,
+                         __global const float *photon_faces, int tiles_down, __global const uint *places,
                          int count, int per_item, __global uint *keys, __global uint *photons) {
     int item = get_global_id(0);
     int end = min((item + 1) * per_item, count);
     uint place = places[item];
     for (int i = item * per_item; i < end; i++)
-        place += enter(i, frame, gather, tiles, regions, photon_positions, photon_surfaces, tiles_down, keys, photons,
+        place += enter(i, frame, gather, tiles, regions, photon_positions, photon_faces, tiles_down, keys, photons,
                        place);
 }
 

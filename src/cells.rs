@@ -70,7 +70,7 @@ pub enum Form {
     Auto,
     /// Every face's box filled with cells.
     Dense,
-    /// A table of this many buckets, a power of two; `None`: twice the photons.
+    /// A table of this many buckets, a power of two; `None`: as many as are affordable.
     Hashed(Option<u32>),
 }
 
@@ -97,6 +97,15 @@ pub(crate) fn flipped(object: &Object) -> bool {
 /// Number of a distance's cell, rounded as `cell_along` rounds.
 fn cell_along(distance: f32, inverse_cell: f32) -> f32 {
     (distance * inverse_cell).floor()
+}
+
+/// Entries that the table may have: a sorted photon takes 64 bytes at most, whatever the scene's extent. Position,
+/// power and, in glossy scenes, direction are 12 bytes each, another 12 the sort works in, or hashed rows lie in; face
+/// and order are 4 each; room for a pass of a few more photons is 1 in 64. What is left goes to the table, 4 bytes an
+/// entry. Small maps may have small tables of more entries than that.
+fn affordable(objects: &[Object], photons: usize) -> usize {
+    let glossy = objects.iter().any(|object| object.specular > 0.0);
+    (if glossy { photons + photons / 2 } else { 4 * photons }).max(1 << 16)
 }
 
 /// Lays out the grid for photons whose faces have these boxes (two a object, in the order of faces).
@@ -167,8 +176,7 @@ pub fn plan(
         record.base = base as f32;
         base += record.counts.iter().map(|c| f64::from(*c)).product::<f64>();
     }
-    // The table's entries are floats, three of which make a photon's texel: four a photon is 16 bytes of its 36.
-    let affordable = (4 * photons).max(1 << 16) as f64;
+    let affordable = affordable(objects, photons) as f64;
     let countable = (MAX_EXACT_INDEX - 1) as f64;
     let hashed = match form {
         Form::Auto => base > affordable.min(countable),
@@ -188,7 +196,8 @@ pub fn plan(
                 assert!(buckets.is_power_of_two(), "{buckets} buckets are no power of two");
                 buckets as usize
             }
-            _ => (2 * photons).next_power_of_two().clamp(64, 1 << 23),
+            // The largest power of two that is.
+            _ => ((affordable as usize + 1).next_power_of_two() / 2).clamp(64, 1 << 23),
         };
         for face in &mut faces {
             *face = Face { flipped: face.flipped, ..Face::default() };

@@ -231,6 +231,7 @@ impl Pipeline {
                 times.emit = lap.ms();
             }
             if stale(Stage::Grid) {
+                self.map.restore()?;
                 let tables = SceneTables::new(&packed, &features);
                 let stored = photons.map_or(0, |counts| counts.stored);
                 let radius = match settings.gather.radius {
@@ -240,7 +241,7 @@ impl Pipeline {
                 chosen = self.choose(settings, radius, &tables, &frame, stored)?;
                 // Tiles take photons as they were stored.
                 if !chosen.method.is_tiled() {
-                    chosen.hashed = self.map.sort(&grid_wanted(settings, radius, self.backend))?;
+                    chosen.hashed = self.map.sort(&grid_wanted(settings, radius, self.backend), chosen.method)?;
                 }
                 times.grid = lap.ms();
             }

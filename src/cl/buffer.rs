@@ -10,6 +10,9 @@ use opencl3::types::{CL_BLOCKING, cl_mem, cl_uchar};
 use super::{Context, failed};
 use crate::error::Result;
 
+/// Where parts of a buffer may begin, bytes: no driver asks for more (PoCL 128, NVIDIA 512).
+pub const PART_ALIGNMENT: usize = 4096;
+
 /// `len` records of `T` in device memory; freed when dropped.
 pub struct Buffer<T> {
     memory: ClBuffer<cl_uchar>,
@@ -38,6 +41,32 @@ impl<T: Pod> Buffer<T> {
         let mut buffer = Buffer::new(context, data.len())?;
         buffer.write(context, data)?;
         Ok(buffer)
+    }
+
+    /// The same memory as records of another type; what it holds becomes meaningless.
+    ///
+    /// # Panics
+    /// When the types differ in size.
+    pub fn cast<U: Pod>(self) -> Buffer<U> {
+        assert_eq!(size_of::<T>(), size_of::<U>(), "records of another size");
+        Buffer { memory: self.memory, len: self.len, of: PhantomData }
+    }
+
+    /// `len` records of `U` within this memory, from byte `first` on: the same bytes under another name, which live as
+    /// long as either does. `first` must be a multiple of [`PART_ALIGNMENT`].
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Device`] when the driver refuses.
+    ///
+    /// # Panics
+    /// When the part lies outside of the buffer, or begins elsewhere.
+    pub fn part<U: Pod>(&self, first: usize, len: usize) -> Result<Buffer<U>> {
+        let bytes = len.max(1) * size_of::<U>();
+        assert!(first.is_multiple_of(PART_ALIGNMENT) && first + bytes <= self.bytes(), "{bytes} bytes from {first} on");
+        // SAFETY: OpenCL checks the range, and keeps the memory for as long as a part of it is in use.
+        let memory = unsafe { self.memory.create_sub_buffer(CL_MEM_READ_WRITE, first, bytes) }
+            .map_err(|e| failed(&format!("a part of {bytes} bytes"), e))?;
+        Ok(Buffer { memory, len, of: PhantomData })
     }
 
     /// Overwrites the first `data.len()` records.
