@@ -3,6 +3,7 @@
 
 use crate::error::{Error, Result};
 use crate::layout::{Face, Gather, MAX_EXACT_INDEX, Object, PLANE};
+use crate::memory::table_entries;
 
 /// Cells per radius, along each axis, where a work-item's lanes gather together. Measured on a closed room at 200k
 /// photons: candidates per accepted photon are 1.22 at R/6, 1.34 at R/4, 1.70 at R/2, 2.55 at R, 4.6 at 2R for one
@@ -99,15 +100,6 @@ fn cell_along(distance: f32, inverse_cell: f32) -> f32 {
     (distance * inverse_cell).floor()
 }
 
-/// Entries that the table may have: a sorted photon takes 64 bytes at most, whatever the scene's extent. Position,
-/// power and, in glossy scenes, direction are 12 bytes each, another 12 the sort works in, or hashed rows lie in; face
-/// and order are 4 each; room for a pass of a few more photons is 1 in 64. What is left goes to the table, 4 bytes an
-/// entry. Small maps may have small tables of more entries than that.
-fn affordable(objects: &[Object], photons: usize) -> usize {
-    let glossy = objects.iter().any(|object| object.specular > 0.0);
-    (if glossy { photons + photons / 2 } else { 4 * photons }).max(1 << 16)
-}
-
 /// Lays out the grid for photons whose faces have these boxes (two a object, in the order of faces).
 ///
 /// # Errors
@@ -176,7 +168,8 @@ pub fn plan(
         record.base = base as f32;
         base += record.counts.iter().map(|c| f64::from(*c)).product::<f64>();
     }
-    let affordable = affordable(objects, photons) as f64;
+    let glossy = objects.iter().any(|object| object.specular > 0.0);
+    let affordable = table_entries(glossy, photons) as f64;
     let countable = (MAX_EXACT_INDEX - 1) as f64;
     let hashed = match form {
         Form::Auto => base > affordable.min(countable),

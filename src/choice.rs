@@ -108,7 +108,8 @@ pub fn estimates(scene: &SceneTables, frame: &Frame, sample: &Sample, question: 
     let faces = &sample.faces;
     let within = |point: Vec3, face: usize, reach: f32| {
         let near = |i: &usize| {
-            faces[*i] as usize == face && Vec3::from(sample.positions[*i].position).distance_squared(point) < reach * reach
+            faces[*i] as usize == face
+                && Vec3::from(sample.positions[*i].position).distance_squared(point) < reach * reach
         };
         (0..faces.len()).filter(near).count() as f64 * scale
     };

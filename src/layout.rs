@@ -291,7 +291,8 @@ record! {
 /// photon of cell c; a cell ends where the next one begins. `photon_faces[i]` is what stored photon i landed on, as
 /// 2·object + (0 the side that the object's normal points to | 1 the other). `tile_photons[i]` is the number of the photon at place i of
 /// the tiles' lists, which `cell_starts` divides into cells where photons are gathered by tiles.
-pub const LISTS: &[(&str, &str)] = &[("cell_starts", "cell_start"), ("photon_faces", "photon_face"), ("tile_photons", "tile_photon")];
+pub const LISTS: &[(&str, &str)] =
+    &[("cell_starts", "cell_start"), ("photon_faces", "photon_face"), ("tile_photons", "tile_photon")];
 
 /// A record's declaration without its type, for lists of all records.
 #[derive(Clone, Copy, Debug)]

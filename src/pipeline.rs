@@ -339,6 +339,11 @@ impl Pipeline {
         self.tracer.bytes() + self.map.bytes()
     }
 
+    /// Most bytes that OpenCL's buffers ever held; none where there is no OpenCL.
+    pub fn most_bytes(&self) -> Option<usize> {
+        self.map.most_bytes()
+    }
+
     /// What changed since the last picture.
     fn change(&self, scene: &Scene, settings: &Settings) -> Change {
         let Some(last) = &self.last else { return Change::ALL };

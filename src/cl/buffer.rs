@@ -1,7 +1,9 @@
 //! Typed memory on an OpenCL device.
 
+use std::cell::Cell;
 use std::marker::PhantomData;
 use std::ptr;
+use std::rc::Rc;
 
 use bytemuck::Pod;
 use opencl3::memory::{Buffer as ClBuffer, CL_MEM_READ_WRITE, ClMem};
@@ -18,6 +20,45 @@ pub struct Buffer<T> {
     memory: ClBuffer<cl_uchar>,
     len: usize,
     of: PhantomData<T>,
+    /// Takes the bytes off the context's account when the memory is freed; parts of a buffer have none of their own.
+    account: Option<Entry>,
+}
+
+/// Bytes on a context's account.
+struct Entry {
+    memory: Rc<Memory>,
+    bytes: usize,
+}
+
+impl Drop for Entry {
+    fn drop(&mut self) {
+        self.memory.held.set(self.memory.held.get() - self.bytes);
+    }
+}
+
+/// What buffers hold of a device, bytes.
+#[derive(Default)]
+pub struct Memory {
+    held: Cell<usize>,
+    most: Cell<usize>,
+}
+
+impl Memory {
+    /// Now.
+    pub fn held(&self) -> usize {
+        self.held.get()
+    }
+
+    /// Most at any time.
+    pub fn most(&self) -> usize {
+        self.most.get()
+    }
+
+    fn enter(self: &Rc<Memory>, bytes: usize) -> Entry {
+        self.held.set(self.held.get() + bytes);
+        self.most.set(self.most.get().max(self.held.get()));
+        Entry { memory: Rc::clone(self), bytes }
+    }
 }
 
 impl<T: Pod> Buffer<T> {
@@ -30,7 +71,7 @@ impl<T: Pod> Buffer<T> {
         // SAFETY: no host pointer is given, so nothing is aliased.
         let memory = unsafe { ClBuffer::create(&context.context, CL_MEM_READ_WRITE, bytes, ptr::null_mut()) }
             .map_err(|e| failed(&format!("{bytes} bytes on {}", context.device.name), e))?;
-        Ok(Buffer { memory, len, of: PhantomData })
+        Ok(Buffer { memory, len, of: PhantomData, account: Some(context.memory.enter(bytes)) })
     }
 
     /// A copy of `data` on the device.
@@ -49,7 +90,7 @@ impl<T: Pod> Buffer<T> {
     /// When the types differ in size.
     pub fn cast<U: Pod>(self) -> Buffer<U> {
         assert_eq!(size_of::<T>(), size_of::<U>(), "records of another size");
-        Buffer { memory: self.memory, len: self.len, of: PhantomData }
+        Buffer { memory: self.memory, len: self.len, of: PhantomData, account: self.account }
     }
 
     /// `len` records of `U` within this memory, from byte `first` on: the same bytes under another name, which live as
@@ -66,7 +107,7 @@ impl<T: Pod> Buffer<T> {
         // SAFETY: OpenCL checks the range, and keeps the memory for as long as a part of it is in use.
         let memory = unsafe { self.memory.create_sub_buffer(CL_MEM_READ_WRITE, first, bytes) }
             .map_err(|e| failed(&format!("a part of {bytes} bytes"), e))?;
-        Ok(Buffer { memory, len, of: PhantomData })
+        Ok(Buffer { memory, len, of: PhantomData, account: None })
     }
 
     /// Overwrites the first `data.len()` records.

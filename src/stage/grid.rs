@@ -3,7 +3,7 @@
 //!
 //! Memory goes in a circle. Sorting needs one table's room besides the map's own: first the sort works there, then each
 //! table is written, in its new order, over the one that was written before it. The way back is the same, by the
-//! order that the sort leaves. `cells.rs` says what that comes to.
+//! order that the sort leaves. `memory.rs` says what that comes to.
 
 use super::photon_map::{PhotonMap, Photons};
 use super::sort::{Scratch, Sort, share};

@@ -256,6 +256,14 @@ impl MapStage {
         }
     }
 
+    /// Most bytes that the device's buffers ever held; none on the host.
+    pub fn most_bytes(&self) -> Option<usize> {
+        match self {
+            MapStage::Device(map) => Some(map.context.memory.most()),
+            MapStage::Host(_) => None,
+        }
+    }
+
     /// The last map.
     pub fn view(&self) -> Option<MapView<'_>> {
         match self {
@@ -274,18 +282,24 @@ impl MapStage {
         }
     }
 
-    /// Bytes held on the device, scratch included.
+    /// Bytes held, scratch included: on a device, by all that share its context.
     pub fn bytes(&self) -> usize {
         match self {
-            MapStage::Device(map) => {
-                let tiles = map.tiles.as_ref().map_or(0, |stage| stage.bytes());
-                map.stored.as_ref().map_or(0, PhotonMap::bytes) + map.grid.bytes() + tiles
-            }
+            MapStage::Device(map) => map.context.memory.held(),
             MapStage::Host(map) => {
-                let grid = &map.grid;
-                size_of_val(&map.stored.positions[..]) * 4
-                    + size_of_val(&grid.positions[..]) * 2
-                    + size_of_val(&grid.cell_starts[..])
+                let (stored, grid) = (&map.stored, &map.grid);
+                let tables = size_of_val(&stored.positions[..]) * 2
+                    + size_of_val(&stored.surfaces[..])
+                    + size_of_val(&stored.directions[..]);
+                let sorted = size_of_val(&grid.positions[..]) * 2
+                    + size_of_val(&grid.directions[..])
+                    + size_of_val(&grid.cells[..])
+                    + size_of_val(&grid.order[..]);
+                let lists = map
+                    .tiles
+                    .as_ref()
+                    .map_or(0, |(_, tiles)| size_of_val(&tiles.cell_starts[..]) + size_of_val(&tiles.tile_photons[..]));
+                tables + sorted + size_of_val(&grid.cell_starts[..]) + lists
             }
         }
     }

@@ -5,6 +5,7 @@ use bytemuck::Pod;
 use crate::cl::{Buffer, Context};
 use crate::error::Result;
 use crate::layout::{PhotonDirection, PhotonPosition, PhotonPower, TEXEL};
+use crate::memory::capacity;
 
 /// A photon map on the device, in path order, then bounce order. 28 bytes a photon, 40 where some surface is glossy.
 pub struct PhotonMap {
@@ -35,12 +36,6 @@ pub struct Photons<'a> {
     pub directions: Option<&'a Buffer<PhotonDirection>>,
     /// Photons stored: the buffers may be longer.
     pub count: usize,
-}
-
-/// Room for a map of `stored` photons: a little more, so that the next pass, which stores a few more or less, finds
-/// room as well; and whole pages, which the sort divides among its tables.
-fn capacity(stored: usize) -> usize {
-    (stored + stored / 64).next_multiple_of(1024)
 }
 
 impl PhotonMap {

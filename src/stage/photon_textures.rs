@@ -13,8 +13,8 @@ use crate::error::{Error, Result};
 use crate::gathering::{Gathering, Method};
 use crate::gl::{Functions, Program, TableTexture};
 use crate::layout::{
-    Face, Gather, PhotonCell, PhotonDirection, PhotonPosition, PhotonPower, Record, Region, TEXEL,
-    TEXTURE_WIDTH_LOG2, Tile,
+    Face, Gather, PhotonCell, PhotonDirection, PhotonPosition, PhotonPower, Record, Region, TEXEL, TEXTURE_WIDTH_LOG2,
+    Tile,
 };
 use crate::tiling;
 

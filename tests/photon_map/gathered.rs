@@ -134,7 +134,8 @@ fn by_twin(map: &Map, wanted: &Wanted, gathering: Gathering) -> Vec<[f32; 3]> {
     plan.gather.nearest = wanted.nearest as f32;
     let tables = grid(&map.tables(), &plan);
     let gathering = Gathering { hashed: plan.hashed, ..gathering };
-    let map = gather::PhotonMap { gathering: &gathering, plan: &plan, stored: map.tables(), grid: &tables, tiles: None };
+    let map =
+        gather::PhotonMap { gathering: &gathering, plan: &plan, stored: map.tables(), grid: &tables, tiles: None };
     let pixel = |i: usize| {
         let direction = camera_direction(&frame, (i % WIDTH) as f32 + 0.5, (i / WIDTH) as f32 + 0.5);
         let origin = Vec3::from(frame.position);
@@ -221,7 +222,8 @@ fn share_of_truth_in_corners(gathering: Gathering) -> f32 {
     let scene = SceneTables::new(&packed, &features);
     let plan = map.plan(&packed.objects, 0.5, CellSize::Auto, Form::Auto);
     let tables = grid(&map.tables(), &plan);
-    let map = gather::PhotonMap { gathering: &gathering, plan: &plan, stored: map.tables(), grid: &tables, tiles: None };
+    let map =
+        gather::PhotonMap { gathering: &gathering, plan: &plan, stored: map.tables(), grid: &tables, tiles: None };
     let (mut random, queries, mut sum) = (Random::new(15), 400, 0.0);
     for _ in 0..queries {
         let corner = [0, 1, 2].map(|_| if random.uniform(0.0, 1.0) < 0.5 { -1.0 } else { 1.0 });

@@ -1,6 +1,7 @@
 //! The photon grid and its gathering: device against twin, grid against brute force.
 
 mod gathered;
+mod memory;
 mod queries;
 mod tables;
 mod tile_timings;

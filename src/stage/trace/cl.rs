@@ -103,10 +103,7 @@ impl Trace for ClTrace {
     }
 
     fn bytes(&self) -> usize {
-        self.objects.as_ref().map_or(0, Buffer::bytes)
-            + self.lights.as_ref().map_or(0, Buffer::bytes)
-            + self.frame.bytes()
-            + self.film.as_ref().map_or(0, |(_, _, film)| film.bytes())
+        0 // the context counts its buffers
     }
 }
 
