@@ -32,7 +32,7 @@ pub fn opencl_bytes(glossy: bool, stored: usize) -> usize {
 pub fn texture_bytes(glossy: bool, hashed: bool, stored: usize) -> usize {
     let tables = 2 + usize::from(glossy) + usize::from(hashed);
     // Each texture's last row is a whole one.
-    let rows = (tables + 1) * TEXEL << crate::layout::TEXTURE_WIDTH_LOG2;
+    let rows = ((tables + 1) * TEXEL) << crate::layout::TEXTURE_WIDTH_LOG2;
     stored * tables * TEXEL + 4 * table_entries(glossy, stored) + rows
 }
 

@@ -103,7 +103,7 @@ impl<T: Pod> Buffer<T> {
     /// When the part lies outside of the buffer, or begins elsewhere.
     pub fn part<U: Pod>(&self, first: usize, len: usize) -> Result<Buffer<U>> {
         let bytes = len.max(1) * size_of::<U>();
-        assert!(first.is_multiple_of(PART_ALIGNMENT) && first + bytes <= self.bytes(), "{bytes} bytes from {first} on");
+        assert!(first % PART_ALIGNMENT == 0 && first + bytes <= self.bytes(), "{bytes} bytes from {first} on");
         // SAFETY: OpenCL checks the range, and keeps the memory for as long as a part of it is in use.
         let memory = unsafe { self.memory.create_sub_buffer(CL_MEM_READ_WRITE, first, bytes) }
             .map_err(|e| failed(&format!("a part of {bytes} bytes"), e))?;
