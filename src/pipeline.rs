@@ -3,6 +3,8 @@
 use std::rc::Rc;
 use std::time::Instant;
 
+use glam::DVec3;
+
 use crate::cells::{CellSize, Form};
 use crate::change::{Change, Stage, is_stale};
 use crate::choice::{self, Question};
@@ -15,11 +17,11 @@ use crate::film::Image;
 use crate::gathering::Gathering;
 use crate::gl::{self, Headless};
 use crate::lattice::lattice;
-use crate::layout::{Frame, Lattice};
+use crate::layout::{Frame, SiteLattice};
 use crate::pack::Packed;
 use crate::radius;
 use crate::scene::Scene;
-use crate::settings::{Backend, Gather, LightMode, Method, Settings, Technique};
+use crate::settings::{Backend, Gather, Lattice, LightMode, Method, Settings, Technique};
 use crate::stage::grid::Wanted;
 use crate::stage::irradiance::{IrradianceStage, IrradianceView};
 use crate::stage::map::{MapCounts, MapStage, MapView};
@@ -110,6 +112,8 @@ pub struct Rendering {
     pub photons: Option<MapCounts>,
     /// How photons were gathered, where there are any.
     pub method: Option<Method>,
+    /// Size of the tiles, pixels, where photons were gathered by tiles.
+    pub tile: Option<[u32; 2]>,
     /// Gather radius, metres, where there are photons.
     pub radius: Option<f32>,
     /// Tables of the photon map that were moved for this picture.
@@ -266,6 +270,7 @@ impl Pipeline {
                 times.emit = lap.ms();
             }
             if stale(Stage::Grid) {
+                self.map.restore()?;
                 let tables = SceneTables::new(&packed, &features);
                 let stored = photons.map_or(0, |counts| counts.stored);
                 let radius = match settings.gather.radius {
@@ -275,7 +280,8 @@ impl Pipeline {
                 chosen = self.choose(settings, radius, &tables, &frame, stored)?;
                 // Tiles take photons as they were stored.
                 if !chosen.method.is_tiled() {
-                    chosen.hashed = self.map.sort(&grid_wanted(settings, radius, self.backend))?;
+                    chosen.hashed =
+                        self.map.sort(&grid_wanted(settings, radius, self.backend, packed.origin), chosen.method)?;
                 }
                 times.grid = lap.ms();
             }
@@ -333,7 +339,8 @@ impl Pipeline {
         let radius = wants_map.then_some(chosen.radius);
         self.last = Some(Last { scene: scene.clone(), settings: settings.clone(), features, packed, photons, chosen });
         let method = wants_map.then_some(chosen.method);
-        Ok(Rendering { image, times, skipped, photons, method, radius, uploads })
+        let tile = method.filter(|method| method.is_tiled()).map(|_| chosen.tile);
+        Ok(Rendering { image, times, skipped, photons, method, tile, radius, uploads })
     }
 
     /// Traces the same picture again and tells the milliseconds it took: for timings, apart from all else.
@@ -390,6 +397,11 @@ impl Pipeline {
         self.tracer.bytes() + self.map.bytes() + self.irradiance.bytes()
     }
 
+    /// Most bytes that OpenCL's buffers ever held; none where there is no OpenCL.
+    pub fn most_bytes(&self) -> Option<usize> {
+        self.map.most_bytes()
+    }
+
     /// What changed since the last picture.
     fn change(&self, scene: &Scene, settings: &Settings) -> Change {
         let Some(last) = &self.last else { return Change::ALL };
@@ -427,7 +439,7 @@ impl Drop for Pipeline {
 fn indirect<'a>(
     map: &'a Option<MapView>,
     irradiance: &'a Option<IrradianceView>,
-    lattice: &'a Option<Lattice>,
+    lattice: &'a Option<SiteLattice>,
 ) -> Indirect<'a> {
     match (map, irradiance, lattice) {
         (_, Some(irradiance), Some(lattice)) => Indirect::Final(irradiance, lattice),
@@ -437,11 +449,14 @@ fn indirect<'a>(
 }
 
 /// The grid that these settings ask for.
-fn grid_wanted(settings: &Settings, radius: f32, backend: Backend) -> Wanted {
-    let size = match settings.gather.cells {
-        Some(counts) => CellSize::Counts(counts),
-        None if backend == Backend::OpenGl => CellSize::Alone,
-        None => CellSize::Auto,
+fn grid_wanted(settings: &Settings, radius: f32, backend: Backend, origin: DVec3) -> Wanted {
+    let size = match (settings.gather.lattice, settings.gather.cells) {
+        (Some(Lattice { corner, cell }), _) => {
+            CellSize::Lattice { corner: (DVec3::from(corner) - origin).as_vec3().to_array(), cell }
+        }
+        (None, Some(counts)) => CellSize::Counts(counts),
+        (None, None) if backend == Backend::OpenGl => CellSize::Alone,
+        (None, None) => CellSize::Auto,
     };
     Wanted { radius, size, form: Form::Auto, nearest: settings.gather.nearest }
 }

@@ -10,9 +10,8 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use super::interrupt::stop_on_interrupt;
 use super::options::{Size, parse_seconds};
-use super::{notice, print_json};
+use super::{notice, print_json, stop_on_interrupt};
 use crate::error::{Error, Result};
 use crate::film::{Format, check_directory, check_output};
 use crate::reference::{self, Accumulator, Progress, Reference, ReferenceLight, ReferenceSettings};
@@ -220,7 +219,7 @@ impl<'a> Watch<'a> {
         Self {
             checkpoint: args.checkpoint.as_deref(),
             bar: progress_bar(settings),
-            interrupted: stop_on_interrupt("this sample of all pixels"),
+            interrupted: stop_on_interrupt("sample of all pixels"),
             began: now,
             saved: now,
             told: now,

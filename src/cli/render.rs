@@ -52,6 +52,8 @@ struct Report<'a> {
     skipped: Vec<Stage>,
     devices: &'a Devices,
     memory_bytes: usize,
+    /// Most that OpenCL's buffers ever held.
+    memory_most_opencl_bytes: Option<usize>,
     output: String,
     /// Passes in the picture, those of a checkpoint included.
     passes: u64,
@@ -141,6 +143,7 @@ pub fn run(args: &Args) -> Result<()> {
             skipped: rendering.skipped.clone(),
             devices: &pipeline.devices,
             memory_bytes: pipeline.bytes(),
+            memory_most_opencl_bytes: pipeline.most_bytes(),
             output: output.display().to_string(),
             passes: picture.passes,
             technique: match settings.technique {

@@ -12,7 +12,7 @@ use super::scene::{SceneTables, Surface};
 use super::texels::texel_of;
 use super::trace::direct_light;
 use super::walk::sample_cosine;
-use crate::layout::{Chart, Frame, Lattice, Site, SiteSurface, Texel};
+use crate::layout::{Chart, Frame, Site, SiteLattice, SiteSurface, Texel};
 
 /// Steps of Roberts' R₂ sequence in 32-bit fixed point.
 pub const R2_STEPS: [u32; 2] = [3_242_174_889, 2_447_445_414];
@@ -25,7 +25,7 @@ pub struct Gatherer<'a> {
     /// All further bounces.
     pub texels: &'a [Texel],
     /// Where the sites lie, and the rays of each.
-    pub lattice: &'a Lattice,
+    pub lattice: &'a SiteLattice,
     /// The sites, where pixels take their irradiance from these.
     pub sites: Option<(&'a [Site], &'a [SiteSurface])>,
 }
@@ -105,7 +105,7 @@ pub fn indirect_irradiance(
 }
 
 /// A site's place on the image plane along one axis, pixels.
-fn site_place(lattice: &Lattice, number: u32, offset: f32) -> f32 {
+fn site_place(lattice: &SiteLattice, number: u32, offset: f32) -> f32 {
     (number as f32 - 1.0) * lattice.spacing + offset
 }
 

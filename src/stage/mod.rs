@@ -4,6 +4,7 @@ pub mod grid;
 pub mod irradiance;
 pub mod map;
 pub mod paths;
+pub mod photon_map;
 pub mod photon_textures;
 pub mod photons;
 pub mod scan;

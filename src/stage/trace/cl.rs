@@ -7,7 +7,7 @@ use crate::cl::{Arg, Buffer, Context, Kernel};
 use crate::error::Result;
 use crate::film::Image;
 use crate::gathering::Gathering;
-use crate::layout::{Frame, Lattice, Light, Object, Site, SiteSurface};
+use crate::layout::{Frame, Light, Object, Site, SiteLattice, SiteSurface};
 use crate::pack::Packed;
 use crate::source::{Options, assemble};
 use crate::stage::irradiance::IrradianceView;
@@ -20,7 +20,7 @@ pub struct ClTrace {
     lights: Option<Buffer<Light>>,
     frame: Buffer<Frame>,
     film: Option<(u32, u32, Buffer<[f32; 3]>)>,
-    lattice: Buffer<Lattice>,
+    lattice: Buffer<SiteLattice>,
     sites: Option<(Buffer<Site>, Buffer<SiteSurface>)>,
     active: Option<Compiled>,
 }
@@ -92,13 +92,14 @@ impl Trace for ClTrace {
         let mut args: Vec<Arg> = vec![(&self.frame).into(), objects.into(), lights.into()];
         match (active.permutation.gathering, indirect) {
             (None, Indirect::None) => {}
-            (Some(gathering), Indirect::Map(MapView::Device { stored, tiles: Some(tiles), .. }))
+            (Some(gathering), Indirect::Map(MapView::Device { stored: Some(stored), tiles: Some(tiles), .. }))
                 if gathering.method.is_tiled() =>
             {
                 args.extend(tiles.args(stored));
             }
             (Some(gathering), Indirect::Map(MapView::Device { stored, grid, .. })) if !gathering.method.is_tiled() => {
-                args.extend(grid.args(stored, gathering.method));
+                let photons = grid.args(stored.as_ref(), gathering.method);
+                args.extend(photons.ok_or_else(|| out_of_order("OpenCL"))?);
             }
             (None, Indirect::Final(IrradianceView::Device { charts, texels, .. }, lattice)) => {
                 self.lattice.write(&self.context, std::slice::from_ref(lattice))?;
@@ -135,11 +136,7 @@ impl Trace for ClTrace {
     }
 
     fn bytes(&self) -> usize {
-        self.objects.as_ref().map_or(0, Buffer::bytes)
-            + self.lights.as_ref().map_or(0, Buffer::bytes)
-            + self.frame.bytes()
-            + self.film.as_ref().map_or(0, |(_, _, film)| film.bytes())
-            + self.sites.as_ref().map_or(0, |(sites, surfaces)| sites.bytes() + surfaces.bytes())
+        0 // the context counts its buffers
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::gl::{Functions, Program, TableTexture, Target};
-use crate::layout::{Chart, Lattice, Record, Site, SiteSurface, TEXTURE_WIDTH_LOG2, Texel};
+use crate::layout::{Chart, Record, Site, SiteLattice, SiteSurface, TEXTURE_WIDTH_LOG2, Texel};
 use crate::stage::irradiance::IrradianceView;
 
 /// What final gathering reads, as textures.
@@ -52,7 +52,7 @@ impl FinalTextures {
     ///
     /// # Errors
     /// [`Error::Device`] when the driver refuses the size or reports an error.
-    pub fn draw_sites(&mut self, program: &Program, lattice: &Lattice) -> Result<()> {
+    pub fn draw_sites(&mut self, program: &Program, lattice: &SiteLattice) -> Result<()> {
         let count = lattice.columns as u32 * lattice.rows as u32;
         let rows = count.div_ceil(1 << TEXTURE_WIDTH_LOG2);
         if self.sites.as_ref().is_none_or(|(known, _)| *known < rows) {

@@ -15,7 +15,7 @@ use crate::error::{Error, Result};
 use crate::features::Features;
 use crate::film::Image;
 use crate::gathering::Gathering;
-use crate::layout::{Frame, Lattice, MAX_EXACT_INDEX};
+use crate::layout::{Frame, MAX_EXACT_INDEX, SiteLattice};
 use crate::pack::Packed;
 
 /// What is compiled for a picture: the scene's features and, with photons, how they are gathered.
@@ -49,7 +49,7 @@ pub enum Indirect<'a> {
     /// Density estimates of the map uploaded last.
     Map(&'a MapView<'a>),
     /// Final gathering: the texels uploaded last, and the pass's lattice.
-    Final(&'a IrradianceView<'a>, &'a Lattice),
+    Final(&'a IrradianceView<'a>, &'a SiteLattice),
 }
 
 /// The trace stage on one machine.
@@ -100,7 +100,7 @@ pub trait Trace {
     /// [`Error::Device`] when the device fails.
     fn read(&mut self) -> Result<Image>;
 
-    /// Bytes held on the device.
+    /// Bytes held on the device, apart from OpenCL's buffers, which their context counts.
     fn bytes(&self) -> usize;
 }
 
