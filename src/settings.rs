@@ -156,6 +156,11 @@ pub struct FinalGather {
     pub first_ray: u32,
 }
 
+impl FinalGather {
+    /// Paths of a pass: they serve rays that look at whole surfaces, so few will do.
+    pub const PHOTONS: u32 = 16_384;
+}
+
 impl Default for FinalGather {
     /// Measured on the report's scenes: see the README.
     fn default() -> Self {

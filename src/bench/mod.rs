@@ -14,11 +14,14 @@ use crate::pipeline::Machine;
 use crate::scene::Scene;
 use crate::settings::Backend;
 
+mod error;
 mod gather;
 mod machine;
 pub mod plot;
 mod radius;
+mod reference;
 mod report;
+mod saved;
 pub mod scenes;
 mod speed;
 pub mod table;
@@ -40,6 +43,8 @@ pub enum Suite {
     Gather,
     /// The experiments of the 2016 report, beside its own figures.
     Report,
+    /// Error against a reference by run time, for each technique and setting.
+    Error,
 }
 
 impl Suite {
@@ -50,6 +55,7 @@ impl Suite {
             Suite::Radius => "radius",
             Suite::Gather => "gather",
             Suite::Report => "report",
+            Suite::Error => "error",
         }
     }
 
@@ -57,6 +63,7 @@ impl Suite {
     pub fn scenes(self) -> &'static [&'static str] {
         match self {
             Suite::Speed => &["gi_ref", "sphere_and_plane", "box"],
+            Suite::Error => &["gi_ref", "gi_two_lights", "sphere_and_plane", "color_bleeding"],
             Suite::Radius | Suite::Gather | Suite::Report => &["gi_ref", "sphere_and_plane"],
         }
     }
@@ -73,6 +80,7 @@ impl Suite {
             Suite::Radius => radius::run(options, progress)?,
             Suite::Gather => gather::run(options, progress)?,
             Suite::Report => report::run(options, &machine, progress)?,
+            Suite::Error => error::run(options, &machine, progress)?,
         };
         machine.finish();
         let Measured { settings, rows, summaries, charts } = measured;
@@ -103,6 +111,8 @@ pub struct Options {
     pub seeds: Option<u32>,
     /// Image to measure errors against; `None`: `tests/golden/NAME.exr`.
     pub reference: Option<PathBuf>,
+    /// A CSV of others' curves, `scene,name,seconds,rel_mse`, for the same plots.
+    pub peers: Option<PathBuf>,
     /// Small numbers: seconds, to see that all works.
     pub quick: bool,
     /// Where a suite of many minutes saves each row, and finds those that an earlier run saved.

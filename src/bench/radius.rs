@@ -1,9 +1,8 @@
 //! Radius: error against a reference by gather radius, around the radius that is chosen when the user names none.
 
-use std::path::PathBuf;
-
 use super::plot::{Chart, Curve, Look};
 use super::table::{Table, Value};
+use super::reference::reference;
 use super::{Measured, Options, Progress, Steps};
 use crate::error::{Error, Result};
 use crate::film::Image;
@@ -109,38 +108,6 @@ fn open(options: &Options, steps: &mut Steps) -> Result<Pipeline> {
         }
     }
     Err(why)
-}
-
-/// The image that a scene is measured against.
-fn reference(options: &Options, scene: &Scene) -> Result<Image> {
-    let path = match &options.reference {
-        Some(_) if options.scenes.len() > 1 => {
-            return Err(Error::Usage(format!(
-                "--reference is one scene's, found {} scenes: name the one that it shows",
-                options.scenes.len()
-            )));
-        }
-        Some(path) => path.clone(),
-        None => PathBuf::from(format!("tests/golden/{}.exr", scene.name)),
-    };
-    if options.reference.is_none() && !path.exists() {
-        return Err(Error::Usage(format!(
-            "{}: no reference image here; name one with --reference FILE (photile reference makes it)",
-            path.display()
-        )));
-    }
-    let image = Image::load(&path)?;
-    match options.size {
-        Some(size) if size != (image.width, image.height) => Err(Error::Usage(format!(
-            "{}: {}x{} pixels, --size asks for {}x{}: the picture has its reference's size",
-            path.display(),
-            image.width,
-            image.height,
-            size.0,
-            size.1
-        ))),
-        _ => Ok(image),
-    }
 }
 
 /// Errors over the factors, averaged over the seeds.

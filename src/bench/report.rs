@@ -3,10 +3,9 @@
 //! A row is a frame of a moving camera: tracing and gathering, and for tiles their lists and what of them is uploaded.
 //! The photon map and its grid stay as they are. What is measured is saved row by row and not measured again.
 
-use std::path::Path;
-
 use serde::{Deserialize, Serialize};
 
+use super::saved;
 use super::table::{Table, Value};
 use super::timing::Samples;
 use super::{MachineInfo, Measured, Options, Progress, Report, Steps, Suite};
@@ -84,23 +83,6 @@ fn tile_name([width, height]: [u32; 2]) -> String {
     format!("{width}x{height}")
 }
 
-/// A file that a run left.
-#[derive(Deserialize)]
-struct Saved {
-    machine: SavedMachine,
-    settings: Plan,
-    rows: Vec<Row>,
-}
-
-/// Of a saved machine what rows depend on.
-#[derive(Deserialize)]
-struct SavedMachine {
-    version: String,
-    cpu: Option<String>,
-    opencl: Option<String>,
-    opengl: Option<String>,
-}
-
 /// See [`super::Suite::Report`].
 pub fn run(options: &Options, machine: &MachineInfo, progress: &mut dyn FnMut(Progress)) -> Result<Measured> {
     let plan = Plan {
@@ -129,7 +111,7 @@ pub fn run(options: &Options, machine: &MachineInfo, progress: &mut dyn FnMut(Pr
     }
 
     let mut rows = match options.directory.as_deref().map(|directory| directory.join("report.json")) {
-        Some(path) if path.exists() => resume(&path, &plan, machine)?,
+        Some(path) if path.exists() => saved::rows(&path, &plan, machine)?,
         _ => Vec::new(),
     };
     let mut steps = Steps::new(progress, cases.len());
@@ -163,42 +145,13 @@ pub fn run(options: &Options, machine: &MachineInfo, progress: &mut dyn FnMut(Pr
     measured(&plan, &cases, &rows)
 }
 
-/// The rows of an earlier run, which must have been this one's.
-fn resume(path: &Path, plan: &Plan, machine: &MachineInfo) -> Result<Vec<Row>> {
-    let refuse = |found: String| {
-        Error::Usage(format!(
-            "{}: found {found}, expected what this run began; name another directory, or remove the file to begin anew",
-            path.display()
-        ))
-    };
-    let text = std::fs::read_to_string(path)
-        .map_err(|error| Error::File { path: path.into(), what: format!("cannot read it: {error}") })?;
-    let saved: Saved =
-        serde_json::from_str(&text).map_err(|error| refuse(format!("no rows of this suite ({error})")))?;
-    if saved.settings != *plan {
-        return Err(refuse(format!("rows of other settings ({:?}, not {plan:?})", saved.settings)));
-    }
-    let then = (saved.machine.version.as_str(), &saved.machine.cpu, &saved.machine.opencl, &saved.machine.opengl);
-    let now = (machine.version, &machine.cpu, &machine.opencl, &machine.opengl);
-    if then != now {
-        return Err(refuse(format!("another machine's rows ({then:?}, not {now:?})")));
-    }
-    Ok(saved.rows)
-}
-
 /// Tables and charts of what there is, in the cases' order.
 fn measured(plan: &Plan, cases: &[Case], rows: &[Row]) -> Result<Measured> {
     let in_order: Vec<(&Case, &Row)> =
         cases.iter().filter_map(|case| Some((case, rows.iter().find(|row| row.is_of(case))?))).collect();
-    let json = |error| Error::Failed(format!("JSON: {error}"));
-    let mut table: Option<Table> = None;
-    for row in rows {
-        let serde_json::Value::Object(fields) = serde_json::to_value(row).map_err(json)? else { continue };
-        table.get_or_insert_with(|| Table::new(COLUMNS)).push(COLUMNS.map(|name| Value::from(&fields[name])));
-    }
     Ok(Measured {
-        settings: serde_json::to_value(plan).map_err(json)?,
-        rows: table.unwrap_or_default(),
+        settings: saved::settings(plan)?,
+        rows: saved::table(rows, &COLUMNS)?,
         summaries: summaries(&in_order),
         charts: charts::charts(&in_order),
     })

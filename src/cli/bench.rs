@@ -50,6 +50,9 @@ pub struct Args {
     /// Image to measure errors against [default: tests/golden/SCENE.exr]
     #[arg(long, value_name = "FILE")]
     reference: Option<PathBuf>,
+    /// Curves of other renderers for the error suite's plots: a CSV of scene,name,seconds,rel_mse
+    #[arg(long, value_name = "FILE")]
+    peers: Option<PathBuf>,
     /// Small numbers, done in seconds
     #[arg(long)]
     quick: bool,
@@ -75,6 +78,8 @@ enum SuiteArg {
     Gather,
     /// The experiments of the 2016 report beside its own figures; with -o, rows measured before are kept
     Report,
+    /// Error against a reference by run time, by technique and setting; with -o, rows measured before are kept
+    Error,
 }
 
 impl From<SuiteArg> for Suite {
@@ -84,6 +89,7 @@ impl From<SuiteArg> for Suite {
             SuiteArg::Radius => Suite::Radius,
             SuiteArg::Gather => Suite::Gather,
             SuiteArg::Report => Suite::Report,
+            SuiteArg::Error => Suite::Error,
         }
     }
 }
@@ -105,9 +111,10 @@ pub fn run(args: &Args) -> Result<()> {
         repeat: args.repeat,
         seeds: args.seeds,
         reference: args.reference.clone(),
+        peers: args.peers.clone(),
         quick: args.quick,
         directory: args.output.clone(),
-        stop: if suite == Suite::Report { stop_on_interrupt("row") } else { Arc::default() },
+        stop: if matches!(suite, Suite::Report | Suite::Error) { stop_on_interrupt("row") } else { Arc::default() },
     };
     // What cannot be written should be known before minutes are spent.
     if let Some(csv) = &args.csv {

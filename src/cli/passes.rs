@@ -62,9 +62,6 @@ fn parse_error(text: &str) -> std::result::Result<f64, String> {
     }
 }
 
-/// Photons of a pass of final gathering: they serve rays that look at whole surfaces, so few will do.
-const FINAL_GATHER_PHOTONS: u32 = 16_384;
-
 impl PassOptions {
     /// Whether pictures are summed up at all.
     pub fn wanted(&self, scene: &Scene) -> bool {
@@ -108,7 +105,7 @@ impl PassOptions {
                     ..*gather
                 };
                 if options.photons.is_none() && scene.render.photons.is_none() {
-                    settings.photons.amount = crate::settings::Amount::Paths(FINAL_GATHER_PHOTONS);
+                    settings.photons.amount = crate::settings::Amount::Paths(FinalGather::PHOTONS);
                 }
                 Ok(())
             }
