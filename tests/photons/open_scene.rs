@@ -93,8 +93,8 @@ fn more_paths_where_light_goes_on_store_more_and_keep_the_mean() {
     let seeds = 1..5;
     let mean = |case: &Case| {
         let all: Vec<_> = seeds.clone().map(|seed| power(case, 1.0, seed)).collect();
-        let sum = |f: &dyn Fn(&([f64; 2], usize)) -> f64| all.iter().map(f).sum::<f64>() / all.len() as f64;
-        ([sum(&|a| a.0[0]), sum(&|a| a.0[1])], sum(&|a| a.1 as f64))
+        let mean = |values: &dyn Fn(usize) -> f64| (0..all.len()).map(values).sum::<f64>() / all.len() as f64;
+        ([mean(&|i| all[i].0[0]), mean(&|i| all[i].0[1])], mean(&|i| f64::from(all[i].1)))
     };
     let ((before, few), (after, many)) = (mean(&even), mean(&weighed));
     for object in 0..2 {
