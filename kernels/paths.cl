@@ -19,6 +19,7 @@
 #define SLOTS (1u << SLOTS_LOG2)
 #define EMISSION_ROWS (1u << EMISSION_ROWS_LOG2)
 #define EMISSION_COLUMNS (1u << EMISSION_COLUMNS_LOG2)
+#define EMISSION_CELL_BITS (EMISSION_ROWS_LOG2 + EMISSION_COLUMNS_LOG2)
 #define EMISSION_PARAMS __global const float *emitters, __global const uint *emitter_counts, \
     __global const uint *slots, __global const uint *emission_cells,
 #define EMISSION emitters, emitter_counts, slots, emission_cells,

@@ -60,19 +60,8 @@ struct Row {
     front: bool,
 }
 
-const COLUMNS: [&str; 11] = [
-    "scene",
-    "backend",
-    "setting",
-    "passes",
-    "seconds",
-    "rel_mse",
-    "rmse",
-    "estimate",
-    "coverage",
-    "seeds",
-    "front",
-];
+const COLUMNS: [&str; 11] =
+    ["scene", "backend", "setting", "passes", "seconds", "rel_mse", "rmse", "estimate", "coverage", "seeds", "front"];
 
 /// See [`super::Suite::Error`].
 pub fn run(options: &Options, machine: &MachineInfo, progress: &mut dyn FnMut(Progress)) -> Result<Measured> {
@@ -299,7 +288,8 @@ fn measured(plan: &Plan, rows: &[Row], peers: &Peers) -> Result<Measured> {
     let mut summary = Table::new(columns);
     let mut charts = Vec::new();
     for (scene, backend) in pairs {
-        let own: Vec<&Row> = rows.iter().filter(|row| (row.scene.as_str(), row.backend.as_str()) == (scene, backend)).collect();
+        let own: Vec<&Row> =
+            rows.iter().filter(|row| (row.scene.as_str(), row.backend.as_str()) == (scene, backend)).collect();
         let mut names: Vec<&str> = Vec::new();
         for row in &own {
             if !names.contains(&row.setting.as_str()) {
@@ -366,7 +356,19 @@ mod tests {
     fn row(seconds: f64, rel_mse: f64) -> Row {
         let text = String::new;
         let (passes, rmse, estimate, coverage, seeds, front) = (seconds as u64, 0.0, None, None, 1, false);
-        Row { scene: text(), backend: text(), setting: text(), passes, seconds, rel_mse, rmse, estimate, coverage, seeds, front }
+        Row {
+            scene: text(),
+            backend: text(),
+            setting: text(),
+            passes,
+            seconds,
+            rel_mse,
+            rmse,
+            estimate,
+            coverage,
+            seeds,
+            front,
+        }
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! Radius: error against a reference by gather radius, around the radius that is chosen when the user names none.
 
 use super::plot::{Chart, Curve, Look};
-use super::table::{Table, Value};
 use super::reference::reference;
+use super::table::{Table, Value};
 use super::{Measured, Options, Progress, Steps};
 use crate::error::{Error, Result};
 use crate::film::Image;

@@ -110,7 +110,7 @@ pub fn run(options: &Options, machine: &MachineInfo, progress: &mut dyn FnMut(Pr
         cases.retain(|case| case.size == cases::SIZES[0]);
     }
 
-    let mut rows = match options.directory.as_deref().map(|directory| directory.join("report.json")) {
+    let mut rows: Vec<Row> = match options.directory.as_deref().map(|directory| directory.join("report.json")) {
         Some(path) if path.exists() => saved::rows(&path, &plan, machine)?,
         _ => Vec::new(),
     };

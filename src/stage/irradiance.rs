@@ -85,10 +85,11 @@ impl IrradianceStage {
     /// [`Error::Build`] and [`Error::Device`] from the device; [`Error::Usage`] for too many lights.
     pub fn upload(&mut self, packed: &Packed, features: &Features, emission: &Emission, budget: u32) -> Result<()> {
         let charts = Charts::new(packed, budget);
+        let plan = Plan::of(packed, emission.store_direct)?;
         match self {
             IrradianceStage::Device(stage) => {
                 let context = &stage.context;
-                let paths = Paths::new(context, packed)?;
+                let paths = Paths::new(context, packed, plan)?;
                 let mut defines = vec!["HAS_CHARTS".to_string()];
                 defines.extend(paths.defines(emission));
                 let lanes = context.device.lanes;
@@ -110,7 +111,7 @@ impl IrradianceStage {
                 });
             }
             IrradianceStage::Host(stage) => {
-                stage.scene = Some((packed.clone(), *features, Plan::new(packed)?, charts));
+                stage.scene = Some((packed.clone(), *features, plan, charts));
             }
         }
         Ok(())

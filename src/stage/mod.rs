@@ -7,6 +7,7 @@ pub mod paths;
 pub mod photon_map;
 pub mod photon_textures;
 pub mod photons;
+mod recorder;
 pub mod scan;
 pub mod sort;
 pub mod tiles;

@@ -1,7 +1,7 @@
 //! What every kernel that walks photon paths needs (`kernels/paths.cl`): the scene as emission sees it, and launches.
 
 use crate::cl::{Arg, Buffer, Context, Kernel};
-use crate::emission::{COLUMNS_LOG2, Emission, Plan, ROWS_LOG2, Sampler};
+use crate::emission::{COLUMNS_LOG2, Emission, PART_BITS, Plan, ROWS_LOG2, Sampler};
 use crate::error::Result;
 use crate::layout::{Emitter, Frame, Light, Object};
 use crate::pack::Packed;
@@ -47,12 +47,11 @@ impl Range {
 }
 
 impl Paths {
-    /// Takes over a scene's records.
+    /// Takes over a scene's records, and how its lights share their paths.
     ///
     /// # Errors
-    /// [`crate::error::Error::Device`] when the device has no room, [`crate::error::Error::Usage`] for too many lights.
-    pub fn new(context: &Context, packed: &Packed) -> Result<Paths> {
-        let plan = Plan::new(packed)?;
+    /// [`crate::error::Error::Device`] when the device has no room.
+    pub fn new(context: &Context, packed: &Packed, plan: Plan) -> Result<Paths> {
         let frame = Frame {
             sphere_count: packed.sphere_count as f32,
             plane_count: packed.plane_count() as f32,
@@ -76,6 +75,7 @@ impl Paths {
             format!("SLOTS_LOG2 {}u", self.plan.slots_log2),
             format!("EMISSION_ROWS_LOG2 {ROWS_LOG2}u"),
             format!("EMISSION_COLUMNS_LOG2 {COLUMNS_LOG2}u"),
+            format!("EMISSION_PART_BITS {PART_BITS}u"),
         ];
         let mut add = |on: bool, name: &str| {
             if on {

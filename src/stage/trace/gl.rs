@@ -53,7 +53,7 @@ impl GlTrace {
             objects: TableTexture::new(gl, TEXTURE_WIDTH_LOG2)?,
             lights: TableTexture::new(gl, TEXTURE_WIDTH_LOG2)?,
             small: None,
-            photons: PhotonTextures::new(gl)?,
+            photons: PhotonTextures::new(gl, is_software)?,
             finals: FinalTextures::new(gl)?,
             target: None,
             programs: HashMap::new(),
