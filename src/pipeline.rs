@@ -20,7 +20,7 @@ use crate::radius;
 use crate::scene::Scene;
 use crate::settings::{Backend, Gather, LightMode, Method, Settings};
 use crate::stage::grid::Wanted;
-use crate::stage::map::{MapCounts, MapStage};
+use crate::stage::map::{MapCounts, MapStage, MapView};
 use crate::stage::trace::{ClTrace, CpuTrace, GlTrace, Permutation, Trace};
 use crate::tiling;
 
@@ -100,6 +100,14 @@ pub struct Rendering {
     pub uploads: u64,
 }
 
+/// Where a film lies.
+pub enum Film {
+    /// RGBA32F, row 0 is the picture's top; the tracer's own, overwritten by its next picture.
+    Texture(gl::Texture),
+    /// Read back.
+    Host(Image),
+}
+
 /// What the device holds, and what it was made from.
 struct Last {
     scene: Scene,
@@ -153,17 +161,49 @@ impl Pipeline {
         Pipeline::open_on(Backend::Cpu, machine, &mut notice)
     }
 
+    /// Opens a backend; OpenGL draws in a context that the caller made current on this thread, and that outlives the
+    /// pipeline: a window's own, or one that shares its textures.
+    ///
+    /// # Errors
+    /// [`Error::Driver`] when the backend is not there.
+    pub fn open_within(
+        backend: Backend,
+        machine: &Machine,
+        current: &gl::Current,
+        mut notice: impl FnMut(&str),
+    ) -> Result<Pipeline> {
+        Pipeline::open_with(backend, machine, Some(current), &mut notice)
+    }
+
     fn open_on(backend: Backend, machine: &Machine, notice: &mut dyn FnMut(&str)) -> Result<Pipeline> {
+        Pipeline::open_with(backend, machine, None, notice)
+    }
+
+    fn open_with(
+        backend: Backend,
+        machine: &Machine,
+        current: Option<&gl::Current>,
+        notice: &mut dyn FnMut(&str),
+    ) -> Result<Pipeline> {
         let mut devices = Devices::default();
         let mut context = None;
         let (tracer, map): (Box<dyn Trace>, MapStage) = match backend {
             Backend::OpenGl => {
-                let headless = Headless::new()?;
-                // A driver may be there and yet draw nothing: then the next backend is tried.
-                gl::probe(&headless)?;
-                devices.opengl = Some(format!("{} ({})", headless.renderer, headless.route));
-                let tracer = GlTrace::new(&headless.gl, headless.is_software)?;
-                context = Some(headless);
+                let tracer = match current {
+                    Some(current) => {
+                        devices.opengl = Some(current.renderer.clone());
+                        GlTrace::new(&current.gl, current.is_software)?
+                    }
+                    None => {
+                        let headless = Headless::new()?;
+                        // A driver may be there and yet draw nothing: then the next backend is tried.
+                        gl::probe(&headless)?;
+                        devices.opengl = Some(format!("{} ({})", headless.renderer, headless.route));
+                        let tracer = GlTrace::new(&headless.gl, headless.is_software)?;
+                        context = Some(headless);
+                        tracer
+                    }
+                };
                 let map = match open_lanes(machine, notice) {
                     Ok(opened) => {
                         devices.name_opencl(&opened);
@@ -195,6 +235,20 @@ impl Pipeline {
     /// # Errors
     /// [`Error::Build`] and [`Error::Device`] from the backend.
     pub fn render(&mut self, scene: &Scene, settings: &Settings) -> Result<Rendering> {
+        let start = Instant::now();
+        let mut rendering = self.draw(scene, settings)?;
+        let mut lap = Lap::new();
+        rendering.image = self.tracer.read()?;
+        rendering.times.readback = lap.ms();
+        rendering.times.total = start.elapsed().as_secs_f64() * 1e3;
+        Ok(rendering)
+    }
+
+    /// Like [`Pipeline::render`], but leaves the film where it was made: the image is empty, see [`Pipeline::film`].
+    ///
+    /// # Errors
+    /// As [`Pipeline::render`].
+    pub fn draw(&mut self, scene: &Scene, settings: &Settings) -> Result<Rendering> {
         let start = Instant::now();
         let mut times = Times::default();
         let change = self.change(scene, settings);
@@ -275,8 +329,6 @@ impl Pipeline {
             self.tracer.trace(&frame, view.as_ref())?;
             times.trace = lap.ms();
         }
-        let image = self.tracer.read()?;
-        times.readback = lap.ms();
         times.total = start.elapsed().as_secs_f64() * 1e3;
 
         let of_photons = [Stage::Photons, Stage::Grid, Stage::Tiles, Stage::Textures];
@@ -287,7 +339,26 @@ impl Pipeline {
         let radius = wants_photons.then_some(chosen.radius);
         self.last = Some(Last { scene: scene.clone(), settings: settings.clone(), features, packed, photons, chosen });
         let method = wants_photons.then_some(chosen.method);
+        let image = Image { width: 0, height: 0, pixels: Vec::new() };
         Ok(Rendering { image, times, skipped, photons, method, radius, uploads })
+    }
+
+    /// The film of the last picture: a texture of the current context where OpenGL drew it, else in host memory.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when the device fails.
+    pub fn film(&mut self) -> Result<Film> {
+        match self.tracer.texture() {
+            Some(texture) => Ok(Film::Texture(texture)),
+            None => Ok(Film::Host(self.tracer.read()?)),
+        }
+    }
+
+    /// The last photon map, and where its positions' origin lies in the world; for those who look at photons.
+    pub fn map(&self) -> Option<(MapView<'_>, &Packed)> {
+        let last = self.last.as_ref()?;
+        last.photons?;
+        Some((self.map.view()?, &last.packed))
     }
 
     /// Traces the same picture again and tells the milliseconds it took: for timings, apart from all else.

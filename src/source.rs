@@ -26,6 +26,8 @@ const FILES: &[(&str, &str)] = &[
     ("shared/pixel.glsl", include_str!("../glsl/shared/pixel.glsl")),
     ("shared/sampling.glsl", include_str!("../glsl/shared/sampling.glsl")),
     ("shared/walk.glsl", include_str!("../glsl/shared/walk.glsl")),
+    ("mean.frag", include_str!("../glsl/mean.frag")),
+    ("present.frag", include_str!("../glsl/present.frag")),
     ("probe.frag", include_str!("../glsl/probe.frag")),
     ("shim.cl", include_str!("../kernels/shim.cl")),
     ("incoherent.cl", include_str!("../kernels/incoherent.cl")),

@@ -8,6 +8,7 @@ mod plan;
 mod reference;
 mod render;
 mod validate;
+mod view;
 
 use clap::{Parser, Subcommand};
 
@@ -24,6 +25,7 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     Render(render::Args),
+    View(view::Args),
     Compare(compare::Args),
     Bench(bench::Args),
     Validate(validate::Args),
@@ -37,8 +39,10 @@ enum Command {
 /// # Errors
 /// Whatever the command meets; [`crate::error::Error::exit_code`] says how the process should end.
 pub fn run() -> Result<()> {
+    let started = std::time::Instant::now();
     match Cli::parse().command {
         Command::Render(args) => render::run(&args),
+        Command::View(args) => view::run(&args, started),
         Command::Compare(args) => compare::run(&args),
         Command::Bench(args) => bench::run(&args),
         Command::Validate(args) => validate::run(&args),

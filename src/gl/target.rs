@@ -95,7 +95,19 @@ impl Target {
     ///
     /// # Errors
     /// [`Error::Device`] when the driver reports an error.
-    pub fn draw_weighted(&self, _active: &Program, weight: Option<f32>) -> Result<()> {
+    pub fn draw_weighted(&self, active: &Program, weight: Option<f32>) -> Result<()> {
+        self.draw_blended(active, weight, glow::ONE)
+    }
+
+    /// Draws like [`Target::draw`]; with a weight w, leaves (1 − w) of what is there and adds w of the picture.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when the driver reports an error.
+    pub fn draw_mixed(&self, active: &Program, weight: Option<f32>) -> Result<()> {
+        self.draw_blended(active, weight, glow::ONE_MINUS_CONSTANT_ALPHA)
+    }
+
+    fn draw_blended(&self, _active: &Program, weight: Option<f32>, kept: u32) -> Result<()> {
         let gl = &self.gl;
         // SAFETY: the context is current and a linked program is active (the argument says so).
         unsafe {
@@ -106,7 +118,7 @@ impl Target {
                 Some(weight) => {
                     gl.enable(glow::BLEND);
                     gl.blend_equation(glow::FUNC_ADD);
-                    gl.blend_func(glow::CONSTANT_ALPHA, glow::ONE);
+                    gl.blend_func(glow::CONSTANT_ALPHA, kept);
                     gl.blend_color(0.0, 0.0, 0.0, weight);
                 }
                 None => gl.disable(glow::BLEND),
@@ -117,6 +129,42 @@ impl Target {
             match gl.get_error() {
                 glow::NO_ERROR => Ok(()),
                 error => Err(Error::Device(format!("OpenGL: drawing: error {error:#06x}"))),
+            }
+        }
+    }
+
+    /// Copies all of this target into one of the same size and waits until it is done.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when the driver reports an error.
+    pub fn copy_to(&self, to: &Target) -> Result<()> {
+        let gl = &self.gl;
+        let (width, height) = (self.width as i32, self.height as i32);
+        // SAFETY: the context is current, and both framebuffers are its own.
+        unsafe {
+            gl.bind_framebuffer(glow::READ_FRAMEBUFFER, Some(self.framebuffer));
+            gl.bind_framebuffer(glow::DRAW_FRAMEBUFFER, Some(to.framebuffer));
+            gl.blit_framebuffer(0, 0, width, height, 0, 0, width, height, glow::COLOR_BUFFER_BIT, glow::NEAREST);
+            gl.finish();
+            match gl.get_error() {
+                glow::NO_ERROR => Ok(()),
+                error => Err(Error::Device(format!("OpenGL: copying: error {error:#06x}"))),
+            }
+        }
+    }
+
+    /// Lets the texture be interpolated where it is shown larger than it is.
+    pub fn smooth(&self) {
+        // SAFETY: the context is current.
+        unsafe {
+            self.gl.bind_texture(glow::TEXTURE_2D, Some(self.texture));
+            for (name, value) in [
+                (glow::TEXTURE_MIN_FILTER, glow::LINEAR),
+                (glow::TEXTURE_MAG_FILTER, glow::LINEAR),
+                (glow::TEXTURE_WRAP_S, glow::CLAMP_TO_EDGE),
+                (glow::TEXTURE_WRAP_T, glow::CLAMP_TO_EDGE),
+            ] {
+                self.gl.tex_parameter_i32(glow::TEXTURE_2D, name, value as i32);
             }
         }
     }
@@ -141,6 +189,11 @@ impl Target {
             );
         }
         pixels
+    }
+
+    /// What is drawn into.
+    pub fn texture(&self) -> super::Texture {
+        self.texture
     }
 
     /// Bytes on the device.

@@ -204,6 +204,10 @@ impl Trace for GlTrace {
         Image::from_pixels(*width, *height, pixels)
     }
 
+    fn texture(&self) -> Option<crate::gl::Texture> {
+        self.target.as_ref().map(|(_, _, target)| target.texture())
+    }
+
     fn bytes(&self) -> usize {
         let target = self.target.as_ref().map_or(0, |(_, _, target)| target.bytes());
         self.objects.bytes() + self.lights.bytes() + self.photons.bytes() + target

@@ -72,6 +72,11 @@ pub trait Trace {
     /// [`Error::Device`] when the device fails.
     fn read(&mut self) -> Result<Image>;
 
+    /// The film as a texture of the current context, where it is one.
+    fn texture(&self) -> Option<crate::gl::Texture> {
+        None
+    }
+
     /// Bytes held on the device.
     fn bytes(&self) -> usize;
 }
