@@ -3,6 +3,8 @@
 use std::rc::Rc;
 use std::time::Instant;
 
+use glam::DVec3;
+
 use crate::cells::{CellSize, Form};
 use crate::change::{Change, Stage, is_stale};
 use crate::choice::{self, Question};
@@ -18,10 +20,10 @@ use crate::layout::Frame;
 use crate::pack::Packed;
 use crate::radius;
 use crate::scene::Scene;
-use crate::settings::{Backend, Gather, LightMode, Method, Settings};
+use crate::settings::{Backend, Gather, Lattice, LightMode, Method, Settings};
 use crate::stage::grid::Wanted;
 use crate::stage::map::{MapCounts, MapStage, MapView};
-use crate::stage::trace::{ClTrace, CpuTrace, GlTrace, Permutation, Trace};
+use crate::stage::trace::{ClTrace, CpuTrace, GlTrace, Pause, Permutation, Trace};
 use crate::tiling;
 
 /// Where a picture shall be made.
@@ -94,6 +96,8 @@ pub struct Rendering {
     pub photons: Option<MapCounts>,
     /// How photons were gathered, where there are any.
     pub method: Option<Method>,
+    /// Size of the tiles, pixels, where photons were gathered by tiles.
+    pub tile: Option<[u32; 2]>,
     /// Gather radius, metres, where there are photons.
     pub radius: Option<f32>,
     /// Tables of the photon map that were moved for this picture.
@@ -116,6 +120,8 @@ struct Last {
     packed: Packed,
     photons: Option<MapCounts>,
     chosen: Chosen,
+    /// The film is unfinished: nobody wanted the rest.
+    stopped: bool,
 }
 
 /// What was chosen for a map where the settings leave it open. It stands until the map changes.
@@ -294,7 +300,7 @@ impl Pipeline {
                 chosen = self.choose(settings, radius, &tables, &frame, stored)?;
                 // Tiles take photons as they were stored.
                 if !chosen.method.is_tiled() {
-                    chosen.hashed = self.map.sort(&grid_wanted(settings, radius, self.backend))?;
+                    chosen.hashed = self.map.sort(&grid_wanted(settings, radius, self.backend, packed.origin))?;
                 }
                 times.grid = lap.ms();
             }
@@ -337,10 +343,12 @@ impl Pipeline {
         let done = |stage: &Stage| stale(*stage) && wanted(stage);
         let skipped = Stage::ALL.into_iter().filter(|stage| !done(stage)).collect();
         let radius = wants_photons.then_some(chosen.radius);
-        self.last = Some(Last { scene: scene.clone(), settings: settings.clone(), features, packed, photons, chosen });
+        let stopped = self.tracer.was_stopped();
+        self.last = Some(Last { scene: scene.clone(), settings: settings.clone(), features, packed, photons, chosen, stopped });
         let method = wants_photons.then_some(chosen.method);
+        let tile = method.filter(|method| method.is_tiled()).map(|_| chosen.tile);
         let image = Image { width: 0, height: 0, pixels: Vec::new() };
-        Ok(Rendering { image, times, skipped, photons, method, radius, uploads })
+        Ok(Rendering { image, times, skipped, photons, method, tile, radius, uploads })
     }
 
     /// The film of the last picture: a texture of the current context where OpenGL drew it, else in host memory.
@@ -352,6 +360,17 @@ impl Pipeline {
             Some(texture) => Ok(Film::Texture(texture)),
             None => Ok(Film::Host(self.tracer.read()?)),
         }
+    }
+
+    /// Lets pictures be drawn in parts, between which `pause` is called; where it returns false, the rest of the
+    /// picture is not wanted. OpenGL and the CPU heed it.
+    pub fn set_pause(&mut self, pause: Option<Pause>) {
+        self.tracer.set_pause(pause);
+    }
+
+    /// Whether the last picture is unfinished, because the rest was not wanted.
+    pub fn was_stopped(&self) -> bool {
+        self.tracer.was_stopped()
     }
 
     /// The last photon map, and where its positions' origin lies in the world; for those who look at photons.
@@ -417,6 +436,7 @@ impl Pipeline {
         let emitted = |s: &Settings| (s.photons, s.seed, s.light);
         Change::CAMERA
             .when(before.camera != scene.camera || size(was) != size(settings))
+            .and(Change::CAMERA.when(last.stopped))
             .and(Change::LIGHTS.when(before.lights != scene.lights))
             .and(Change::MATERIALS.when(before.materials != scene.materials))
             .and(Change::GEOMETRY.when(before.spheres != scene.spheres || before.planes != scene.planes))
@@ -436,11 +456,14 @@ impl Drop for Pipeline {
 }
 
 /// The grid that these settings ask for.
-fn grid_wanted(settings: &Settings, radius: f32, backend: Backend) -> Wanted {
-    let size = match settings.gather.cells {
-        Some(counts) => CellSize::Counts(counts),
-        None if backend == Backend::OpenGl => CellSize::Alone,
-        None => CellSize::Auto,
+fn grid_wanted(settings: &Settings, radius: f32, backend: Backend, origin: DVec3) -> Wanted {
+    let size = match (settings.gather.lattice, settings.gather.cells) {
+        (Some(Lattice { corner, cell }), _) => {
+            CellSize::Lattice { corner: (DVec3::from(corner) - origin).as_vec3().to_array(), cell }
+        }
+        (None, Some(counts)) => CellSize::Counts(counts),
+        (None, None) if backend == Backend::OpenGl => CellSize::Alone,
+        (None, None) => CellSize::Auto,
     };
     Wanted { radius, size, form: Form::Auto, nearest: settings.gather.nearest }
 }

@@ -133,6 +133,20 @@ impl Target {
         }
     }
 
+    /// Lets draws reach only so many rows from a first one on; `None`: all again.
+    pub fn clip(&self, rows: Option<(u32, u32)>) {
+        // SAFETY: the context is current.
+        unsafe {
+            match rows {
+                Some((first, count)) => {
+                    self.gl.enable(glow::SCISSOR_TEST);
+                    self.gl.scissor(0, first as i32, self.width as i32, count as i32);
+                }
+                None => self.gl.disable(glow::SCISSOR_TEST),
+            }
+        }
+    }
+
     /// Copies all of this target into one of the same size and waits until it is done.
     ///
     /// # Errors

@@ -1,11 +1,13 @@
 //! Pictures on one GL context: a pipeline, the mean of its passes, and the picture that is shown meanwhile.
 
+use std::cell::RefCell;
+use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Instant;
 
 use super::ladder::{Cost, Level};
 use super::request::Request;
-use super::turn::Turn;
+use super::turn::{Taken, Turn};
 use crate::change::Stage;
 use crate::error::Result;
 use crate::film::Image;
@@ -61,6 +63,10 @@ pub struct Engine {
     current: Current,
     machine: Machine,
     turn: Arc<Turn>,
+    /// The turn that a pass has; it goes and comes between the parts of a picture.
+    held: Rc<RefCell<Option<Taken>>>,
+    /// Whether the pass is still wanted.
+    wanted: Rc<dyn Fn() -> bool>,
     notice: Box<dyn FnMut(&str)>,
 }
 
@@ -69,32 +75,61 @@ impl Engine {
     ///
     /// # Errors
     /// [`crate::error::Error::Build`] and [`crate::error::Error::Device`] from the driver.
-    pub fn new(current: Current, machine: Machine, turn: Arc<Turn>, notice: Box<dyn FnMut(&str)>) -> Result<Engine> {
-        let held = turn.take();
+    pub fn new(
+        current: Current,
+        machine: Machine,
+        turn: Arc<Turn>,
+        wanted: Rc<dyn Fn() -> bool>,
+        notice: Box<dyn FnMut(&str)>,
+    ) -> Result<Engine> {
+        let _first = turn.take();
         let mean = Mean::new(&current.gl)?;
-        drop(held);
-        Ok(Engine { pipeline: None, mean, current, machine, turn, notice })
+        Ok(Engine { pipeline: None, mean, current, machine, turn, held: Rc::default(), wanted, notice })
     }
 
-    /// Draws a pass and adds it to the mean; pass 0 begins a new one.
+    /// Draws a pass and adds it to the mean; pass 0 begins a new one. Tells nothing where `stoppable` and the pass was
+    /// not wanted any more before it was done.
     ///
     /// # Errors
     /// What the backend meets.
-    pub fn pass(&mut self, request: &Request, level: Level, pass: u32) -> Result<Made> {
+    pub fn pass(&mut self, request: &Request, level: Level, pass: u32, stoppable: bool) -> Result<Option<Made>> {
         // The twins use no driver.
-        let turn = Arc::clone(&self.turn);
-        let mut held = (request.backend != Backend::Cpu).then(|| turn.take());
+        *self.held.borrow_mut() = (request.backend != Backend::Cpu).then(|| self.turn.take());
+        let made = self.pass_in_turn(request, level, pass, stoppable);
+        *self.held.borrow_mut() = None;
+        made
+    }
+
+    /// Gives others their turn between two parts of a picture; whether the rest is wanted.
+    fn pause(&self, stoppable: bool) -> Rc<dyn Fn() -> bool> {
+        let (turn, held, wanted) = (Arc::clone(&self.turn), Rc::clone(&self.held), Rc::clone(&self.wanted));
+        Rc::new(move || {
+            let had = held.borrow_mut().take();
+            if had.is_some() {
+                drop(had);
+                *held.borrow_mut() = Some(turn.take());
+            }
+            !stoppable || wanted()
+        })
+    }
+
+    fn pass_in_turn(&mut self, request: &Request, level: Level, pass: u32, stoppable: bool) -> Result<Option<Made>> {
         let start = Instant::now();
         if self.pipeline.as_ref().is_none_or(|pipeline| pipeline.backend != request.backend) {
             self.pipeline = None; // its memory first
             self.pipeline =
                 Some(Pipeline::open_within(request.backend, &self.machine, &self.current, &mut self.notice)?);
         }
+        let pause = self.pause(stoppable);
         let Some(pipeline) = &mut self.pipeline else { unreachable!("opened above") };
         let settings = request.pass(level, pass);
+        pipeline.set_pause(Some(pause));
         let drawn = pipeline.draw(&request.scene, &settings)?;
+        if pipeline.was_stopped() {
+            return Ok(None);
+        }
         let film = pipeline.film()?;
-        held.get_or_insert_with(|| turn.take());
+        self.held.borrow_mut().get_or_insert_with(|| self.turn.take());
         if pass == 0 {
             self.mean.restart();
         }
@@ -102,7 +137,7 @@ impl Engine {
             Film::Texture(texture) => self.mean.add(texture, settings.width, settings.height)?,
             Film::Host(image) => self.mean.add_image(&image)?,
         }
-        Ok(Made {
+        Ok(Some(Made {
             times: drawn.times,
             frame_ms: start.elapsed().as_secs_f64() * 1e3,
             skipped: drawn.skipped,
@@ -116,7 +151,7 @@ impl Engine {
             host_photons: request.backend == Backend::OpenGl && pipeline.devices.opencl.is_none(),
             devices: pipeline.devices.clone(),
             bytes: pipeline.bytes(),
-        })
+        }))
     }
 
     /// Copies the mean to where the window finds it.

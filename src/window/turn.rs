@@ -3,7 +3,7 @@
 //! PoCL and llvmpipe share one LLVM and crash when both compile at once, and either may compile at any launch or draw.
 //! There, one thread at a time works with a driver. GPUs need no turns.
 
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 /// Shared by all threads that use drivers.
@@ -21,7 +21,7 @@ struct State {
 }
 
 /// A turn; given back when dropped.
-pub struct Taken<'a>(Option<&'a Turn>);
+pub struct Taken(Option<Arc<Turn>>);
 
 impl Turn {
     /// Turns that are taken in earnest only where `needed`.
@@ -34,7 +34,7 @@ impl Turn {
     }
 
     /// Waits for a turn.
-    pub fn take(&self) -> Taken<'_> {
+    pub fn take(self: &Arc<Turn>) -> Taken {
         if !self.needed {
             return Taken(None);
         }
@@ -51,11 +51,11 @@ impl Turn {
             }
         }
         state.taken = true;
-        Taken(Some(self))
+        Taken(Some(Arc::clone(self)))
     }
 
     /// For the window, which must not wait: a turn if there is one; else the next one is the window's.
-    pub fn try_take(&self) -> Option<Taken<'_>> {
+    pub fn try_take(self: &Arc<Turn>) -> Option<Taken> {
         if !self.needed {
             return Some(Taken(None));
         }
@@ -65,13 +65,13 @@ impl Turn {
             return None;
         }
         state.taken = true;
-        Some(Taken(Some(self)))
+        Some(Taken(Some(Arc::clone(self))))
     }
 }
 
-impl Drop for Taken<'_> {
+impl Drop for Taken {
     fn drop(&mut self) {
-        if let Some(turn) = self.0 {
+        if let Some(turn) = &self.0 {
             turn.state().taken = false;
             turn.changed.notify_all();
         }
@@ -84,7 +84,7 @@ mod tests {
 
     #[test]
     fn the_window_never_waits_and_comes_next() {
-        let turn = Turn::new(true);
+        let turn = Arc::new(Turn::new(true));
         let taken = turn.take();
         assert!(turn.try_take().is_none());
         drop(taken);
@@ -99,7 +99,7 @@ mod tests {
 
     #[test]
     fn where_none_are_needed_all_have_one() {
-        let turn = Turn::new(false);
+        let turn = Arc::new(Turn::new(false));
         let (_a, _b) = (turn.take(), turn.try_take().unwrap());
     }
 }

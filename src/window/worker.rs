@@ -1,8 +1,10 @@
 //! A thread that renders: it takes the latest request, draws it within the budget while things move, and refines it
 //! pass by pass when they rest. The window only picks up what is finished.
 
+use std::cell::RefCell;
 use std::collections::HashSet;
 use std::path::PathBuf;
+use std::rc::Rc;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
@@ -175,13 +177,23 @@ fn work(spare: Spare, terms: &Terms, shared: &Arc<Shared>) -> Result<()> {
     drop(held);
     let notices = Arc::clone(shared);
     let notice = Box::new(move |line: &str| lock(&notices.outbox).news.push(News::Notice(line.into())));
-    let engine = Engine::new(aside.current(), terms.machine.clone(), Arc::clone(&terms.turn), notice)?;
+    let inbox = Arc::clone(shared);
+    let doing = Rc::new(RefCell::new(None));
+    let current = Rc::clone(&doing);
+    let wanted = Rc::new(move || {
+        let inbox = lock(&inbox.inbox);
+        // The same picture again is no reason to stop.
+        let other = inbox.job.as_ref().is_some_and(|job: &Job| current.borrow().as_ref() != Some(&job.request));
+        !inbox.quit && !other
+    });
+    let engine = Engine::new(aside.current(), terms.machine.clone(), Arc::clone(&terms.turn), wanted, notice)?;
     lock(&shared.outbox).free = (0..SLOTS).collect();
     let mut thread = Thread {
         engine,
         slots: std::array::from_fn(|_| Picture::empty()),
         ladder: terms.budget.map(Ladder::new),
         doing: None,
+        drawing: doing,
         terms,
         shared,
     };
@@ -217,6 +229,8 @@ struct Thread<'a> {
     slots: [Picture; SLOTS],
     ladder: Option<Ladder>,
     doing: Option<Doing>,
+    /// The request that is being drawn, for those who ask whether it is still wanted.
+    drawing: Rc<RefCell<Option<Request>>>,
     terms: &'a Terms,
     shared: &'a Arc<Shared>,
 }
@@ -277,8 +291,12 @@ impl Thread<'_> {
             _ => Level::FULL,
         };
         let pass = if level == Level::FULL { doing.passes.unwrap_or(0) } else { 0 };
-        let made = match self.engine.pass(&doing.job.request, level, pass) {
-            Ok(made) => made,
+        // What moves is within the budget and shown in any case: else nothing would be seen of a long motion.
+        let stoppable = known && !doing.job.moving;
+        *self.drawing.borrow_mut() = Some(doing.job.request.clone());
+        let made = match self.engine.pass(&doing.job.request, level, pass, stoppable) {
+            Ok(Some(made)) => made,
+            Ok(None) => return,
             Err(error) => {
                 doing.failed = true;
                 lock(&self.shared.outbox).news.push(News::Failed(error.to_string()));

@@ -1,8 +1,9 @@
 //! Trace on OpenGL: a fragment shader on a full-screen quad.
 
 use std::collections::HashMap;
+use std::time::Instant;
 
-use super::{Permutation, Trace, check_count, out_of_order};
+use super::{Pause, Permutation, Trace, check_count, out_of_order};
 use crate::error::{Error, Result};
 use crate::film::Image;
 use crate::gathering::{Gathering, Method};
@@ -27,6 +28,41 @@ pub struct GlTrace {
     active: Option<Permutation>,
     /// Loop rounds that the driver grants a fragment.
     rounds: Option<u64>,
+    bands: Bands,
+}
+
+/// Pictures in bands of rows, so that nobody waits long for the rest.
+#[derive(Default)]
+struct Bands {
+    /// `None`: pictures are drawn as a whole.
+    pause: Option<Pause>,
+    /// What a row took last, ms.
+    row_ms: f64,
+    stopped: bool,
+}
+
+/// What a band should take, ms: less than a frame of the window that waits.
+const BAND_MS: f64 = 12.0;
+
+impl Bands {
+    /// Draws all rows, band by band, until the rest is not wanted.
+    fn draw(&mut self, target: &Target, height: u32, draw: impl Fn(&Target) -> Result<()>) -> Result<()> {
+        let Some(pause) = self.pause.clone() else { return draw(target) };
+        let mut first = 0;
+        while first < height && !self.stopped {
+            let rows = if self.row_ms > 0.0 { (BAND_MS / self.row_ms) as u32 } else { height / 16 };
+            let rows = rows.clamp(1, height - first);
+            let start = Instant::now();
+            target.clip(Some((first, rows)));
+            let drawn = draw(target);
+            target.clip(None);
+            drawn?;
+            self.row_ms = start.elapsed().as_secs_f64() * 1e3 / f64::from(rows);
+            first += rows;
+            self.stopped = first < height && !pause();
+        }
+        Ok(())
+    }
 }
 
 /// llvmpipe ends a shader's loops, all of them together, after 65,535 rounds; some are left for small loops.
@@ -52,6 +88,7 @@ impl GlTrace {
             programs: HashMap::new(),
             active: None,
             rounds: is_software.then_some(LLVMPIPE_ROUNDS),
+            bands: Bands::default(),
         })
     }
 }
@@ -181,9 +218,11 @@ impl Trace for GlTrace {
                 self.lights.bind(first + 1);
             }
         }
+        let bands = &mut self.bands;
+        bands.stopped = false;
         let samples = frame.samples as u64;
         if draws.samples >= samples && draws.slices == 1 {
-            return target.draw(program);
+            return bands.draw(target, height, |target| target.draw(program));
         }
         target.clear();
         for first in (0..samples).step_by(draws.samples as usize) {
@@ -192,10 +231,22 @@ impl Trace for GlTrace {
             program.set_records(std::slice::from_ref(&part));
             for slice in 0..draws.slices {
                 self.photons.set_slice(program, slice, draws.slices);
-                target.draw_weighted(program, Some(here as f32 / samples as f32))?;
+                let weight = Some(here as f32 / samples as f32);
+                bands.draw(target, height, |target| target.draw_weighted(program, weight))?;
+                if bands.stopped {
+                    return Ok(());
+                }
             }
         }
         Ok(())
+    }
+
+    fn set_pause(&mut self, pause: Option<Pause>) {
+        self.bands.pause = pause;
+    }
+
+    fn was_stopped(&self) -> bool {
+        self.bands.stopped
     }
 
     fn read(&mut self) -> Result<Image> {
