@@ -291,6 +291,7 @@ impl Pipeline {
                 times.emit = lap.ms();
             }
             if stale(Stage::Grid) {
+                self.map.restore()?;
                 let tables = SceneTables::new(&packed, &features);
                 let stored = photons.map_or(0, |counts| counts.stored);
                 let radius = match settings.gather.radius {
@@ -300,7 +301,8 @@ impl Pipeline {
                 chosen = self.choose(settings, radius, &tables, &frame, stored)?;
                 // Tiles take photons as they were stored.
                 if !chosen.method.is_tiled() {
-                    chosen.hashed = self.map.sort(&grid_wanted(settings, radius, self.backend, packed.origin))?;
+                    chosen.hashed =
+                        self.map.sort(&grid_wanted(settings, radius, self.backend, packed.origin), chosen.method)?;
                 }
                 times.grid = lap.ms();
             }
@@ -344,7 +346,8 @@ impl Pipeline {
         let skipped = Stage::ALL.into_iter().filter(|stage| !done(stage)).collect();
         let radius = wants_photons.then_some(chosen.radius);
         let stopped = self.tracer.was_stopped();
-        self.last = Some(Last { scene: scene.clone(), settings: settings.clone(), features, packed, photons, chosen, stopped });
+        self.last =
+            Some(Last { scene: scene.clone(), settings: settings.clone(), features, packed, photons, chosen, stopped });
         let method = wants_photons.then_some(chosen.method);
         let tile = method.filter(|method| method.is_tiled()).map(|_| chosen.tile);
         let image = Image { width: 0, height: 0, pixels: Vec::new() };
@@ -426,6 +429,11 @@ impl Pipeline {
     /// Bytes held on the device.
     pub fn bytes(&self) -> usize {
         self.tracer.bytes() + self.map.bytes()
+    }
+
+    /// Most bytes that OpenCL's buffers ever held; none where there is no OpenCL.
+    pub fn most_bytes(&self) -> Option<usize> {
+        self.map.most_bytes()
     }
 
     /// What changed since the last picture.

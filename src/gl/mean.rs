@@ -3,6 +3,7 @@
 use glow::HasContext;
 
 use super::{Functions, Program, Target, Texture};
+use crate::census::{Counted, Kind};
 use crate::error::{Error, Result};
 use crate::film::Image;
 use crate::source::{Options, assemble};
@@ -15,6 +16,7 @@ pub struct Mean {
     upload: Texture,
     target: Option<(u32, u32, Target)>,
     passes: u32,
+    _counted: Counted,
 }
 
 /// A picture that stays as it is while the next one is made.
@@ -31,7 +33,7 @@ impl Mean {
         let program = Program::new(gl, &assemble("mean.frag", None, &Options::default()))?;
         // SAFETY: the context is current; the texture is owned by the result.
         let upload = unsafe { gl.create_texture() }.map_err(|e| Error::Device(format!("OpenGL: texture: {e}")))?;
-        Ok(Mean { gl: gl.clone(), program, upload, target: None, passes: 0 })
+        Ok(Mean { gl: gl.clone(), program, upload, target: None, passes: 0, _counted: Counted::new(Kind::OpenGl) })
     }
 
     /// Forgets all passes.

@@ -3,6 +3,7 @@
 use glow::HasContext;
 
 use super::{Functions, Program, Texture};
+use crate::census::{Counted, Kind};
 use crate::error::{Error, Result};
 use crate::source::{Options, assemble};
 
@@ -56,6 +57,7 @@ pub struct Present {
     gl: Functions,
     program: Program,
     triangle: glow::NativeVertexArray,
+    _counted: Counted,
 }
 
 impl Present {
@@ -67,7 +69,7 @@ impl Present {
         let program = Program::new(gl, &assemble("present.frag", None, &Options::default()))?;
         // SAFETY: the context is current; the array is owned by the result.
         let triangle = unsafe { gl.create_vertex_array() }.map_err(|e| Error::Device(format!("OpenGL: {e}")))?;
-        Ok(Present { gl: gl.clone(), program, triangle })
+        Ok(Present { gl: gl.clone(), program, triangle, _counted: Counted::new(Kind::OpenGl) })
     }
 
     /// Fills the window with a dark grey, before a picture covers its part.

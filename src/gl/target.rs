@@ -3,6 +3,7 @@
 use glow::HasContext;
 
 use super::{Functions, Program};
+use crate::census::{Counted, Kind};
 use crate::error::{Error, Result};
 
 /// A framebuffer with one texture; deleted when dropped.
@@ -14,6 +15,7 @@ pub struct Target {
     width: u32,
     height: u32,
     integers: bool,
+    _counted: Counted,
 }
 
 impl Target {
@@ -43,6 +45,7 @@ impl Target {
                 width,
                 height,
                 integers,
+                _counted: Counted::new(Kind::OpenGl),
             };
             gl.bind_texture(glow::TEXTURE_2D, Some(target.texture));
             gl.tex_image_2d(

@@ -1,5 +1,6 @@
 //! The window's events and its painting.
 
+use std::io::Write as _;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -16,15 +17,20 @@ use super::hands::Hands;
 use super::history::History;
 use super::keys::{self, Action};
 use super::pane::Pane;
+use super::replay::{Counting, Replayed};
 use super::request::Request;
+use super::script::{Recorder, Script};
 use super::state::{Effect, State};
 use super::turn::Turn;
+use super::watch::Watch;
 use super::worker::{Job, News, Terms};
-use super::{overlay, panel};
+use super::{overlay, panel, save};
+use crate::census::{Kind, alive};
 use crate::error::{Error, Result};
+use crate::film::write_beside;
 use crate::gl::{Present, Shown, Windowed};
 use crate::pipeline::Machine;
-use crate::scene::Scene;
+use crate::scene::{self, Scene};
 use crate::settings::{Backend, Settings};
 
 /// How the window begins.
@@ -45,6 +51,12 @@ pub struct Options {
     pub panel: bool,
     /// Where screenshots go: a path without extension.
     pub screenshot: PathBuf,
+    /// Gone through instead of waiting for the user; then the window closes.
+    pub script: Option<Script>,
+    /// Where recorded paths go; recording begins at once where this is given.
+    pub record: Option<PathBuf>,
+    /// Full quality, however long a frame takes.
+    pub full_quality: bool,
 }
 
 /// What a window was, for `--json`.
@@ -55,7 +67,7 @@ pub struct Summary {
     /// GL_RENDERER of the window.
     pub renderer: String,
     /// Milliseconds a frame may take.
-    pub budget_ms: f64,
+    pub budget_ms: Option<f64>,
     /// Milliseconds from the program's start to the first picture of the scene in the window.
     pub first_image_ms: Option<f64>,
     /// And to the first one by the backend that was asked for.
@@ -66,8 +78,16 @@ pub struct Summary {
     pub written: Vec<PathBuf>,
     /// Times that the scene file was read again.
     pub reloads: u32,
-    /// The longest that handling one event took, ms: input waits no longer than that.
+    /// The longest that handling one event took, ms: input waits no longer than that, or than painting.
     pub longest_event_ms: f64,
+    /// The longest that painting the window took, ms.
+    pub longest_paint_ms: f64,
+    /// What the script took.
+    pub replayed: Option<Replayed>,
+    /// GL objects that are left when all is closed.
+    pub gl_objects_left: i64,
+    /// OpenCL objects that are left when all is closed.
+    pub cl_objects_left: i64,
 }
 
 /// A worker has something.
@@ -100,9 +120,11 @@ pub fn run(options: Options, started: Instant) -> Result<Summary> {
         started,
     };
     events.run_app(&mut app).map_err(|error| Error::Driver(format!("window: {error}")))?;
-    match app.failed {
+    let App { failed, mut summary, .. } = app;
+    (summary.gl_objects_left, summary.cl_objects_left) = (alive(Kind::OpenGl), alive(Kind::OpenCl));
+    match failed {
         Some(error) => Err(error),
-        None => Ok(app.summary),
+        None => Ok(summary),
     }
 }
 
@@ -139,6 +161,20 @@ struct Open {
     visible: bool,
     screenshot: PathBuf,
     title: String,
+    watch: Watch,
+    recording: Option<(Recorder, Instant)>,
+    record_to: PathBuf,
+    player: Option<Player>,
+}
+
+/// A script under way.
+struct Player {
+    script: Script,
+    counting: Counting,
+    /// The picture that is waited for, and since when.
+    awaited: Option<(Request, Instant)>,
+    /// It is in the next painting.
+    arrived: bool,
 }
 
 impl ApplicationHandler<Wake> for App {
@@ -147,7 +183,7 @@ impl ApplicationHandler<Wake> for App {
             match Open::new(events, options, &self.proxy) {
                 Ok(open) => {
                     self.summary.renderer = open.windowed.current.renderer.clone();
-                    self.summary.budget_ms = open.terms.budget.unwrap_or(f64::INFINITY);
+                    self.summary.budget_ms = open.terms.budget;
                     self.open = Some(open);
                 }
                 Err(error) => {
@@ -185,10 +221,16 @@ impl ApplicationHandler<Wake> for App {
                 events.exit();
             }
         }
+        if open.player.as_ref().is_some_and(|player| player.counting.frames() >= player.script.frames()) {
+            events.exit();
+        }
     }
 
     fn exiting(&mut self, _: &ActiveEventLoop) {
         if let Some(open) = self.open.take() {
+            if let Some(player) = &open.player {
+                self.summary.replayed = Some(player.counting.clone().finish(open.terms.budget));
+            }
             self.summary.frames = open.panes.iter().flatten().map(|pane| pane.frames).sum();
             open.close();
         }
@@ -210,12 +252,17 @@ impl Open {
         let proxy = proxy.clone();
         let terms = Terms {
             machine: options.machine.clone(),
-            budget: Some(options.budget.unwrap_or(BUDGETS[usize::from(software)])),
+            budget: (!options.full_quality).then_some(options.budget.unwrap_or(BUDGETS[usize::from(software)])),
             turn,
             // An event loop that is gone needs no waking.
             wake: Arc::new(move || drop(proxy.send_event(Wake))),
         };
         let backend = options.machine.backend.unwrap_or(Backend::OpenGl);
+        let watch = Watch::new(&options.path);
+        let recording = options.record.is_some().then(|| (Recorder::default(), Instant::now()));
+        let record_to = options.record.unwrap_or_else(|| PathBuf::from(format!("{}.path.toml", options.scene.name)));
+        let (counting, awaited, arrived) = (Counting::default(), None, false);
+        let player = options.script.map(|script| Player { script, counting, awaited, arrived });
         let mut state = State::new(options.path, options.scene, options.settings, backend);
         (state.panel, state.passes) = (options.panel, options.passes);
         let left = Pane::new(windowed.spare()?, terms.clone());
@@ -240,11 +287,18 @@ impl Open {
             visible: true,
             screenshot: options.screenshot,
             title: String::new(),
+            watch,
+            recording,
+            record_to,
+            player,
         })
     }
 
     /// Lets go of everything in the order in which it depends on each other.
     fn close(mut self) {
+        if self.recording.is_some() {
+            self.record(&mut Summary::default());
+        }
         self.panes = [None, None]; // waits for their threads
         let turn = Arc::clone(&self.terms.turn);
         let _held = turn.take();
@@ -320,10 +374,68 @@ impl Open {
                     pane.save(self.screenshot.clone(), self.state.exposure);
                 }
             }
-            Effect::Save | Effect::Record => {}
+            Effect::Save => match self.save() {
+                Ok(()) => {
+                    self.state.notice = Some(format!("saved: {}", self.state.path.display()));
+                    summary.written.push(self.state.path.clone());
+                }
+                Err(error) => self.state.failure = Some(error.to_string()),
+            },
+            Effect::Record => self.record(summary),
         }
-        let _ = summary;
         false
+    }
+
+    /// Writes the edits into the scene file.
+    fn save(&mut self) -> Result<()> {
+        let path = self.state.path.clone();
+        let failed = |what: String| Error::File { path: path.clone(), what };
+        let text = std::fs::read_to_string(&path).map_err(|error| failed(format!("cannot read: {error}")))?;
+        // What somebody else wrote meanwhile must not be undone by what the window remembers.
+        let on_disk = scene::load(&path)?;
+        let new = self.state.to_save();
+        let text = save::updated(&text, &on_disk, &new)?;
+        let written = scene::parse(&text, &path.display().to_string())?;
+        write_beside(&path, |file| file.write_all(text.as_bytes()))?;
+        self.watch.acknowledge();
+        self.state.saved = Arc::new(written.clone());
+        // The numbers as they were written, so that nothing differs from the file.
+        self.state.hand.camera = written.camera.clone();
+        self.state.first_settings = self.state.settings.clone();
+        self.state.scene = written;
+        Ok(())
+    }
+
+    /// Begins to record, or ends and writes the file.
+    fn record(&mut self, summary: &mut Summary) {
+        let Some((recorder, _)) = self.recording.take() else {
+            self.recording = Some((Recorder::default(), Instant::now()));
+            return;
+        };
+        let Some(text) = recorder.finish(&self.state.scene) else { return };
+        match write_beside(&self.record_to, |file| file.write_all(text.as_bytes())) {
+            Ok(()) => {
+                self.state.notice = Some(format!("recorded: {}", self.record_to.display()));
+                summary.written.push(self.record_to.clone());
+            }
+            Err(error) => self.state.failure = Some(error.to_string()),
+        }
+    }
+
+    /// The script's next picture, when the last one was seen.
+    fn play(&mut self) {
+        let ready = self.panes[0].as_ref().is_some_and(|pane| pane.shown().is_some() && !pane.is_building());
+        let Some(player) = self.player.as_mut().filter(|player| ready && player.awaited.is_none()) else { return };
+        if player.counting.frames() >= player.script.frames() {
+            return;
+        }
+        let mut scene = self.state.scene_as_seen();
+        player.script.apply(player.counting.frames(), &mut scene);
+        self.state.hand.camera = scene.camera.clone();
+        self.state.scene = scene;
+        if let Some(request) = self.state.request(false) {
+            player.awaited = Some((request, Instant::now()));
+        }
     }
 
     /// What happens between events; when to come back without any.
@@ -337,12 +449,33 @@ impl Open {
         } else if !flying {
             self.ticked = now;
         }
+        match self.watch.poll(now) {
+            Some(Ok(scene)) => {
+                self.state.reload(scene);
+                summary.reloads += 1;
+                self.wants_paint = true;
+            }
+            Some(Err(error)) => {
+                self.state.file_error = Some(error.to_string());
+                self.wants_paint = true;
+            }
+            None => {}
+        }
+        if let Some((recorder, since)) = &mut self.recording {
+            recorder.see((now - *since).as_secs_f64(), &self.state.scene_as_seen());
+        }
+        self.play();
         self.submit(now)?;
         self.poll(summary, started);
         let mut next = now + Duration::from_millis(250);
         if self.wants_paint && self.visible {
-            if self.paint()? {
+            let start = Instant::now();
+            if self.paint(summary)? {
                 self.wants_paint = false;
+                summary.longest_paint_ms = summary.longest_paint_ms.max(start.elapsed().as_secs_f64() * 1e3);
+                if self.seen() {
+                    next = now;
+                }
             } else {
                 next = now + Duration::from_millis(4); // a worker has the driver
             }
@@ -354,6 +487,19 @@ impl Open {
             next = next.min((self.moved + REST).max(now + Duration::from_millis(1)));
         }
         Ok(next)
+    }
+
+    /// The painted picture is the one that the script waits for.
+    fn seen(&mut self) -> bool {
+        let Some(player) = self.player.as_mut().filter(|player| player.arrived) else { return false };
+        player.arrived = false;
+        let frame = self.panes[0].as_ref().and_then(Pane::shown);
+        if let (Some((_, since)), Some(frame)) = (player.awaited.take(), frame) {
+            let photons = frame.made.photons.map_or(0, |photons| photons.stored);
+            let ms = since.elapsed().as_secs_f64() * 1e3;
+            player.counting.add(ms, frame.made.level, photons, player.script.frames());
+        }
+        true
     }
 
     /// Tells the workers what is wanted now, where that is new.
@@ -379,7 +525,7 @@ impl Open {
                 self.state.failure = None;
             }
             // The very first request need not wait for more of its kind.
-            let moving = self.state.paused || !first && now - self.moved < REST;
+            let moving = self.state.paused || self.player.is_some() || !first && now - self.moved < REST;
             let other_markers = self.markers_asked != self.state.markers;
             if new || other_markers || self.asked[side].as_ref().is_some_and(|(_, was)| *was != moving) {
                 let passes = self.state.passes;
@@ -402,6 +548,9 @@ impl Open {
                 self.wants_paint = true;
                 self.painted_at.push(Instant::now());
                 if let (0, Some(frame)) = (side, pane.shown()) {
+                    if let Some(player) = &mut self.player {
+                        player.arrived |= player.awaited.as_ref().is_some_and(|(wanted, _)| *wanted == frame.request);
+                    }
                     self.history.push(&frame.made);
                     summary.first_image_ms.get_or_insert(elapsed);
                     if frame.made.backend == Some(self.state.backend) {
@@ -427,7 +576,7 @@ impl Open {
     }
 
     /// Paints the window; false where a worker has the driver just now.
-    fn paint(&mut self) -> Result<bool> {
+    fn paint(&mut self, summary: &mut Summary) -> Result<bool> {
         let turn = Arc::clone(&self.terms.turn);
         let Some(_held) = turn.try_take() else { return Ok(false) };
         let window = Arc::clone(&self.windowed.window);
@@ -440,7 +589,7 @@ impl Open {
             building: [0, 1].map(|side| panes[side].as_ref().is_some_and(Pane::is_building)),
             history: &self.history,
             rate: self.painted_at.len() as f64,
-            recording: false,
+            recording: self.recording.is_some(),
         };
         self.egui.run(&window, |ui| {
             if state.panel {
@@ -483,7 +632,7 @@ impl Open {
             self.title = title;
         }
         if let Some(action) = asked {
-            self.act(action, false, &mut Summary::default());
+            self.act(action, false, summary);
         }
         Ok(true)
     }

@@ -115,10 +115,12 @@ impl Markers {
     }
 }
 
-/// The first photons of a map: as well spread as the whole.
+/// Photons from all over a map.
 fn photons(map: &MapView) -> Result<(Vec<PhotonPosition>, Vec<PhotonPower>)> {
+    let every = |count: usize| count.div_ceil(MOST_DOTS).max(1);
     match map {
-        MapView::Device { context, stored, .. } => {
+        // In path order: the first ones are as well spread as the whole.
+        MapView::Device { context, stored: Some(stored), .. } => {
             let count = stored.count.min(MOST_DOTS);
             let mut positions = vec![PhotonPosition::default(); count];
             let mut powers = vec![PhotonPower::default(); count];
@@ -126,9 +128,21 @@ fn photons(map: &MapView) -> Result<(Vec<PhotonPosition>, Vec<PhotonPower>)> {
             stored.powers.read(context, &mut powers)?;
             Ok((positions, powers))
         }
+        MapView::Device { context, grid, .. } => {
+            let Some(sorted) = &grid.sorted else { return Ok(Default::default()) };
+            let mut positions = vec![PhotonPosition::default(); grid.count];
+            let mut powers = vec![PhotonPower::default(); grid.count];
+            sorted.positions.read(context, &mut positions)?;
+            sorted.powers.read(context, &mut powers)?;
+            let step = every(grid.count);
+            Ok((positions.into_iter().step_by(step).collect(), powers.into_iter().step_by(step).collect()))
+        }
         MapView::Host { stored, .. } => {
-            let count = stored.positions.len().min(MOST_DOTS);
-            Ok((stored.positions[..count].to_vec(), stored.powers[..count].to_vec()))
+            let step = every(stored.positions.len());
+            Ok((
+                stored.positions.iter().step_by(step).copied().collect(),
+                stored.powers.iter().step_by(step).copied().collect(),
+            ))
         }
     }
 }
@@ -229,8 +243,7 @@ mod tests {
 
     #[test]
     fn occupied_cells_lie_where_the_table_says() {
-        let face =
-            Face { origin: [1.0, 10.0, 100.0], counts: [3.0, 2.0, 1.0], base: 0.0, flipped: 0.0, reserved: 0.0 };
+        let face = Face { origin: [1.0, 10.0, 100.0], counts: [3.0, 2.0, 1.0], base: 0.0, flipped: 0.0, reserved: 0.0 };
         let gather = Gather { cell: [0.5, 2.0, 4.0], ..Gather::default() };
         // Cells 0 to 5; number 4 (u = 1, v = 1) holds seven photons.
         let starts = [0.0, 0.0, 0.0, 0.0, 0.0, 7.0, 7.0];

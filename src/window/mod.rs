@@ -15,7 +15,12 @@ pub mod keys;
 pub mod ladder;
 pub mod markers;
 pub mod orbit;
+pub mod percentiles;
 pub mod pick;
+pub mod replay;
+pub mod save;
+pub mod script;
+pub mod watch;
 
 mod app;
 mod engine;

@@ -74,7 +74,13 @@ fn tiling(painter: &Painter, area: Rect, tiles: &Tiling, size: [u32; 2]) {
         painter.rect_filled(rect.shrink(0.5), 0.0, scale(count / most, 110));
         if side.x >= 36.0 {
             let text = format!("{count}");
-            painter.text(rect.center(), egui::Align2::CENTER_CENTER, text, egui::FontId::proportional(10.0), Color32::WHITE);
+            painter.text(
+                rect.center(),
+                egui::Align2::CENTER_CENTER,
+                text,
+                egui::FontId::proportional(10.0),
+                Color32::WHITE,
+            );
         }
     }
 }

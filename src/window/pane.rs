@@ -48,9 +48,10 @@ impl Pane {
         }
         // What is known goes on, from where the camera is now.
         let settings = &job.request.settings;
-        let known = self.fronts.as_ref().map(|shown| {
-            shown.seen_from(&job.request.scene.camera, settings.width, settings.height)
-        });
+        let known = self
+            .fronts
+            .as_ref()
+            .map(|shown| shown.seen_from(&job.request.scene.camera, settings.width, settings.height));
         if let Some(request) = known.filter(|request| self.front.knows(&request.key())) {
             // Within the budget: the builder needs the rest of the machine.
             self.hand_to_front(Job { request, moving: true, ..job.clone() });

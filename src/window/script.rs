@@ -89,7 +89,10 @@ impl Script {
             }
         }
         if let Some(at) = script.keys.windows(2).position(|pair| pair[1].time <= pair[0].time) {
-            return Err(format!("found key {} at the time of the one before or earlier, expected rising times", at + 2));
+            return Err(format!(
+                "found key {} at the time of the one before or earlier, expected rising times",
+                at + 2
+            ));
         }
         if script.duration() / script.step * f64::from(script.repeat) > MOST_FRAMES || script.repeat == 0 {
             return Err(format!("found more than {MOST_FRAMES} pictures or none, expected a longer step"));

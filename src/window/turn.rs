@@ -41,10 +41,8 @@ impl Turn {
         let mut state = self.state();
         while state.taken || state.window_waits {
             // A window that is hidden may never paint: its claim lapses.
-            let (next, wait) = self
-                .changed
-                .wait_timeout(state, Duration::from_millis(50))
-                .unwrap_or_else(PoisonError::into_inner);
+            let (next, wait) =
+                self.changed.wait_timeout(state, Duration::from_millis(50)).unwrap_or_else(PoisonError::into_inner);
             state = next;
             if wait.timed_out() {
                 state.window_waits = false;

@@ -214,8 +214,13 @@ struct Doing {
     key: Key,
     /// Passes at full quality that are in the mean; `None`: nothing at full quality yet.
     passes: Option<u32>,
+    /// A picture of half the resolution and all photons was there.
+    halved: bool,
     failed: bool,
 }
+
+/// Half the resolution, all photons.
+const HALF: Level = Level { coarse: 3, fewer: 0, no_gathering: false };
 
 impl Doing {
     fn is_done(&self) -> bool {
@@ -275,7 +280,7 @@ impl Thread<'_> {
         let shown_markers = self.doing.as_ref().and_then(|doing| doing.job.markers);
         let redo = same && shown_markers != job.markers;
         let key = job.request.key();
-        self.doing = Some(Doing { job, key, passes: if redo { None } else { passes }, failed });
+        self.doing = Some(Doing { job, key, passes: if redo { None } else { passes }, halved: redo, failed });
     }
 
     /// One pass of what is being done.
@@ -288,6 +293,8 @@ impl Thread<'_> {
         // The first picture of new programs is coarse, to be there soon; so is what moves.
         let level = match &self.ladder {
             Some(ladder) if doing.job.moving || !known => ladder.level(),
+            // Where a whole picture takes long, one of half the resolution comes before it.
+            Some(ladder) if doing.passes.is_none() && !doing.halved && ladder.level().coarse > HALF.coarse => HALF,
             _ => Level::FULL,
         };
         let pass = if level == Level::FULL { doing.passes.unwrap_or(0) } else { 0 };
@@ -311,8 +318,9 @@ impl Thread<'_> {
                 ladder.rested();
             }
         }
-        if level == Level::FULL {
-            doing.passes = Some(pass + 1);
+        match level {
+            Level::FULL => doing.passes = Some(pass + 1),
+            level => doing.halved |= level == HALF,
         }
         let request = doing.job.request.clone();
         let markers = match (&doing.job.markers, self.engine.pipeline()) {

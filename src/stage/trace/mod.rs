@@ -88,7 +88,7 @@ pub trait Trace {
         None
     }
 
-    /// Bytes held on the device.
+    /// Bytes held on the device, apart from OpenCL's buffers, which their context counts.
     fn bytes(&self) -> usize;
 }
 
