@@ -78,6 +78,10 @@ pub struct Summary {
     pub written: Vec<PathBuf>,
     /// Times that the scene file was read again.
     pub reloads: u32,
+    /// What was wrong with it at other times, with line and column.
+    pub file_errors: Vec<String>,
+    /// What keys and buttons asked for, in order.
+    pub actions: Vec<String>,
     /// The longest that handling one event took, ms: input waits no longer than that, or than painting.
     pub longest_event_ms: f64,
     /// The longest that painting the window took, ms.
@@ -366,6 +370,7 @@ impl Open {
 
     fn act(&mut self, action: Action, shift: bool, summary: &mut Summary) -> bool {
         self.wants_paint = true;
+        summary.actions.push(format!("{action:?}"));
         match self.state.act(action, shift) {
             Effect::None => {}
             Effect::Quit => return true,
@@ -456,6 +461,7 @@ impl Open {
                 self.wants_paint = true;
             }
             Some(Err(error)) => {
+                summary.file_errors.push(error.to_string());
                 self.state.file_error = Some(error.to_string());
                 self.wants_paint = true;
             }
@@ -645,6 +651,16 @@ impl Open {
         }
         if self.state.paused {
             title += ", paused";
+        }
+        // Of what was asked for last, in all pictures.
+        let done = self.panes.iter().zip(&self.asked).all(|(pane, asked)| match (pane, asked) {
+            (Some(pane), Some((asked, _))) => {
+                pane.shown().is_some_and(|frame| frame.converged && frame.request == *asked && !pane.is_building())
+            }
+            (pane, _) => pane.is_none(),
+        });
+        if done {
+            title += ", converged";
         }
         title + ")"
     }

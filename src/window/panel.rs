@@ -276,7 +276,7 @@ fn materials(ui: &mut Ui, state: &mut State) {
 
 /// The window of F1.
 pub fn help(ui: &Ui, open: &mut bool) {
-    egui::Window::new("Keys and mouse").open(open).resizable(false).show(ui.ctx(), |ui| {
+    egui::Window::new("Keys and mouse").open(open).resizable(false).vscroll(true).show(ui.ctx(), |ui| {
         egui::Grid::new("keys").striped(true).show(ui, |ui| {
             let keys = TABLE.iter().map(|(key, what, _)| (*key, *what));
             for (key, what) in HANDS.iter().copied().chain(keys) {
