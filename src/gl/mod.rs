@@ -3,6 +3,7 @@
 mod current;
 mod headless;
 mod mean;
+mod pixel_buffer;
 mod present;
 mod probe;
 mod program;
@@ -13,6 +14,7 @@ mod windowed;
 pub use current::Current;
 pub use headless::{Headless, contexts};
 pub use mean::{Mean, Picture};
+pub use pixel_buffer::PixelBuffer;
 pub use present::{Present, Shown, ToneMap};
 pub use probe::probe;
 pub use program::Program;
