@@ -299,7 +299,8 @@ fn every_key_does_what_the_help_says() {
         for _ in 0..presses {
             window.key(key);
         }
-        window.until("the picture as before", |w| (share_changed(&first, &w.pixels()) < 0.01).then_some(()));
+        let what = format!("the picture as before {key}");
+        window.until(&what, |w| (share_changed(&first, &w.pixels()) < 0.01).then_some(()));
     }
     for key in ["2", "3", "4", "5", "1"] {
         window.key(key);

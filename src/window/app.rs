@@ -10,7 +10,7 @@ use winit::application::ApplicationHandler;
 use winit::dpi::PhysicalSize;
 use winit::event::{ElementState, MouseScrollDelta, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy};
-use winit::keyboard::ModifiersState;
+use winit::keyboard::{ModifiersState, NamedKey};
 use winit::window::{Window, WindowId};
 
 use super::hands::Hands;
@@ -312,10 +312,13 @@ impl Open {
 
     /// Takes an event; whether the window shall close.
     fn handle(&mut self, event: &WindowEvent, summary: &mut Summary) -> bool {
-        let response = self.egui.on_window_event(&self.windowed.window, event);
-        self.wants_paint |= response.repaint;
+        // Tab would give the panel's widgets the keyboard, one after the other.
+        let tab = matches!(event, WindowEvent::KeyboardInput { event: key, .. } if key.logical_key == NamedKey::Tab);
+        if !tab {
+            self.wants_paint |= self.egui.on_window_event(&self.windowed.window, event).repaint;
+        }
         let (over_panel, typing) =
-            (self.egui.egui_ctx.egui_wants_pointer_input(), self.egui.egui_ctx.egui_wants_keyboard_input());
+            (self.egui.egui_ctx.egui_wants_pointer_input(), self.egui.egui_ctx.text_edit_focused());
         match event {
             WindowEvent::CloseRequested => return true,
             WindowEvent::Resized(size) => {
@@ -439,6 +442,10 @@ impl Open {
         self.state.hand.camera = scene.camera.clone();
         self.state.scene = scene;
         if let Some(request) = self.state.request(false) {
+            // A picture that is there already is not made again.
+            let shown = self.panes[0].as_ref().and_then(Pane::shown);
+            player.arrived = shown.is_some_and(|frame| frame.request == request);
+            self.wants_paint |= player.arrived;
             player.awaited = Some((request, Instant::now()));
         }
     }
