@@ -5,13 +5,14 @@
 
 use glam::Vec3;
 
-use crate::cells::{self, CellSize, Form};
+use crate::cells::{self, CELLS_PER_RADIUS, CellSize, Form};
 use crate::cpu::grid::{PhotonTables, face_of, grid_bounds};
 use crate::cpu::scene::SceneTables;
 use crate::layout::{Frame, PLANE};
 use crate::radius::{RASTER, visible_points};
 use crate::settings::Method;
 use crate::stage::map::Sample;
+use crate::tiling::MAX_CELLS;
 
 /// Sizes of tiles that are weighed where none are asked for, pixels.
 pub const SIZES: [[u32; 2]; 3] = [[80, 80], [32, 32], [16, 16]];
@@ -51,11 +52,13 @@ impl Class {
     /// Nanoseconds of one of each of [`TERMS`], on the machine that they were measured on.
     fn costs(self) -> &'static Counts {
         match self {
-            Class::Cpu => &[180.0, 8.0, 20.0, 100.0, 400.0, 5.0, 9.0, 100.0, 100.0, 200.0, 100.0, 70.0, 0.0],
-            Class::OpenClLanes => &[10.0, 0.55, 0.94, 22.0, 22.0, 0.45, 0.55, 22.0, 60.0, 50.0, 30.0, 12.0, 0.0],
-            Class::OpenClGpu => &[0.2, 0.01, 0.04, 0.03, 0.1, 0.03, 0.013, 0.03, 1.2, 1.5, 1.5, 0.2, 0.0],
-            Class::OpenGlSoftware => &[60.0, 8.0, 30.0, 200.0, 800.0, 35.0, 15.0, 200.0, 100.0, 80.0, 60.0, 12.0, 0.0],
-            Class::OpenGlGpu => &[0.5, 0.05, 0.3, 0.3, 1.0, 0.2, 0.1, 0.3, 5.0, 5.0, 5.0, 0.5, 0.0],
+            Class::Cpu => &[180.0, 8.0, 4.0, 12.0, 100.0, 400.0, 5.0, 9.0, 100.0, 100.0, 200.0, 100.0, 70.0, 0.0],
+            Class::OpenClLanes => &[10.0, 0.0, 0.3, 0.5, 22.0, 22.0, 0.45, 0.55, 22.0, 60.0, 50.0, 30.0, 12.0, 0.0],
+            Class::OpenClGpu => &[0.2, 0.005, 0.005, 0.02, 0.03, 0.1, 0.03, 0.013, 0.03, 1.2, 1.5, 1.5, 0.2, 0.0],
+            Class::OpenGlSoftware => {
+                &[60.0, 4.0, 3.0, 15.0, 200.0, 800.0, 35.0, 15.0, 200.0, 100.0, 80.0, 60.0, 12.0, 0.0]
+            }
+            Class::OpenGlGpu => &[0.5, 0.02, 0.02, 0.15, 0.3, 1.0, 0.2, 0.1, 0.3, 5.0, 5.0, 5.0, 0.5, 0.0],
         }
     }
 
@@ -69,12 +72,14 @@ impl Class {
 }
 
 /// What is counted, for the whole picture.
-pub const TERMS: [&str; 13] = [
+pub const TERMS: [&str; 14] = [
     // Any method's share: rays, shadows, direct light.
     "pixels",
-    // Photons within R of visible points, found in a dense grid and in a hashed one.
+    // Photons within R of visible points, however they are found.
     "accepted",
-    "accepted-hashed",
+    // Candidates in the cells around points, of a dense grid and of a hashed one.
+    "candidates",
+    "candidates-hashed",
     // Rows of cells around points: one on a plane along the axes, five elsewhere, whose surface crosses the rows.
     "rows",
     "rows-hashed",
@@ -94,8 +99,9 @@ pub const TERMS: [&str; 13] = [
 /// A number of each of [`TERMS`].
 pub type Counts = [f64; TERMS.len()];
 
-/// Candidates of a grid that are tested for one accepted photon, R/2 a cell.
-const PER_ACCEPTED: f64 = 1.7;
+/// Sides of a cell by which candidates lie farther than R: at R/2 a cell that makes 1.7 candidates of each accepted
+/// photon, as measured in a closed room.
+const BEYOND: f32 = 0.6;
 
 /// What is known when the choice is made.
 #[derive(Clone, Copy, Debug)]
@@ -167,8 +173,10 @@ pub fn estimates(scene: &SceneTables, frame: &Frame, sample: &Sample, question: 
     for (position, surface) in sample.positions.iter().zip(&sample.surfaces).take(looked_at) {
         faces[face_of(surface)].push(Vec3::from(position.position));
     }
-    let [mut accepted, mut rows] = [0.0; 2];
-    let mut listed = vec![0.0; sizes.len()];
+    let cell = radius / CELLS_PER_RADIUS;
+    let [mut accepted, mut rows, mut candidates] = [0.0; 3];
+    // By size of tiles: entries of lists, and those in the cells around points.
+    let mut listed = vec![[0.0; 2]; sizes.len()];
     for &(p, face) in &points {
         let object = &scene.objects[face / 2];
         let flat = object.kind == PLANE && Vec3::from(object.anchor).abs().max_element() > 0.999;
@@ -177,24 +185,32 @@ pub fn estimates(scene: &SceneTables, frame: &Frame, sample: &Sample, question: 
         let away = p - Vec3::from(frame.position);
         let depth = away.dot(frame.forward.into());
         let normal = if object.kind == PLANE { object.anchor.into() } else { p - Vec3::from(object.anchor) };
-        let cosine = (away.dot(normal) / (away.length() * normal.length())).abs().max(0.1);
+        let cosine = (away.dot(normal) / (away.length() * normal.length())).abs().max(0.03);
         let [width, height] = [frame.right, frame.up].map(|half| 2.0 * Vec3::from(half).length() * depth);
-        let reach = |size: &[u32; 2]| {
+        let reaches = |size: &[u32; 2]| {
             let across = width * (size[0] as f32 / frame.width).min(1.0);
-            let down = height * (size[1] as f32 / frame.height).min(1.0);
-            (radius + (across * down / cosine / std::f32::consts::PI).sqrt()).powi(2)
+            let down = height * (size[1] as f32 / frame.height).min(1.0) / cosine;
+            // A large tile's cells are larger than a grid's: it has only so many.
+            let area = (across + 2.0 * radius) * (down + 2.0 * radius);
+            let own_cell = cell.max((area / MAX_CELLS as f32).sqrt());
+            [radius + (across * down / std::f32::consts::PI).sqrt(), radius + BEYOND * own_cell]
+                .map(|reach| reach * reach)
         };
-        let reaches: Vec<f32> = sizes.iter().map(reach).collect();
+        let reaches: Vec<[f32; 2]> = sizes.iter().map(reaches).collect();
+        let in_cells = (radius + BEYOND * cell).powi(2);
         for photon in &faces[face] {
             let d2 = photon.distance_squared(p);
-            accepted += f64::from(u8::from(d2 < radius * radius));
-            for (listed, reach2) in listed.iter_mut().zip(&reaches) {
-                *listed += f64::from(u8::from(d2 < *reach2));
+            let within = |reach2: f32| f64::from(u8::from(d2 < reach2));
+            accepted += within(radius * radius);
+            candidates += within(in_cells);
+            for (listed, [list, cells]) in listed.iter_mut().zip(&reaches) {
+                listed[0] += within(*list);
+                listed[1] += within(cells.min(*list));
             }
         }
     }
     let per_point = scale / points.len().max(1) as f64;
-    let [accepted, rows] = [accepted * scale * each, rows * each];
+    let [accepted, candidates, rows] = [accepted * scale * each, candidates * scale * each, rows * each];
     let stored = stored as f64;
 
     let mut all = Vec::new();
@@ -204,21 +220,22 @@ pub fn estimates(scene: &SceneTables, frame: &Frame, sample: &Sample, question: 
         all.push(Estimate { method, tile, candidates, entries, cost, counts });
     };
     let seen = (pixels * share).max(1.0);
-    let [own_accepted, own_rows] =
-        if is_hashed(scene, sample, question) { ["accepted-hashed", "rows-hashed"] } else { ["accepted", "rows"] };
-    let counted = [("pixels", pixels), (own_accepted, accepted), (own_rows, rows), ("sorted", stored)];
-    add(Method::Grid, None, accepted * PER_ACCEPTED / seen, stored, &counted);
-    for (size, in_lists) in sizes.iter().zip(listed) {
+    let [in_cells, own_rows] =
+        if is_hashed(scene, sample, question) { ["candidates-hashed", "rows-hashed"] } else { ["candidates", "rows"] };
+    let any = [("pixels", pixels), ("accepted", accepted)];
+    let counted = [&any[..], &[(in_cells, candidates), (own_rows, rows), ("sorted", stored)]].concat();
+    add(Method::Grid, None, candidates / seen, stored, &counted);
+    for (size, [in_lists, in_cells]) in sizes.iter().zip(listed) {
         let tiles = f64::from((frame.width / size[0] as f32).ceil() * (frame.height / size[1] as f32).ceil());
         // Tiles see one face and some of another.
         let entries = 1.2 * tiles * share * in_lists * per_point;
         let listed = in_lists * scale * each;
-        let build =
-            [("pixels", pixels), ("projected", stored), ("entered", entries), ("seen", pixels), ("tiles", tiles)];
-        let celled = (accepted * PER_ACCEPTED).min(listed);
+        let celled = in_cells * scale * each;
+        let build = [("projected", stored), ("entered", entries), ("seen", pixels), ("tiles", tiles)];
+        let tiled = [&any[..], &build[..]].concat();
         let gather = [("celled", celled), ("rows-celled", rows)];
-        add(Method::Tiles, Some(*size), listed / seen, entries, &[&build[..], &[("listed", listed)]].concat());
-        add(Method::TiledGrid, Some(*size), celled / seen, entries, &[&build[..], &gather].concat());
+        add(Method::Tiles, Some(*size), listed / seen, entries, &[&tiled[..], &[("listed", listed)]].concat());
+        add(Method::TiledGrid, Some(*size), celled / seen, entries, &[&tiled[..], &gather].concat());
     }
     all.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     all
@@ -233,25 +250,31 @@ fn is_hashed(scene: &SceneTables, sample: &Sample, question: &Question) -> bool 
     plan.is_ok_and(|plan| plan.hashed)
 }
 
-/// Costs of one of each term, nanoseconds, that fit measured milliseconds with the least relative squares and none below
-/// 0, by coordinate descent (Franc, Hlaváč & Navara, "Sequential Coordinate-Wise Algorithm for the Non-negative Least
-/// Squares Problem", 2005).
+/// Costs of one of each term, nanoseconds, that fit measured milliseconds and none of them below 0: least squares by
+/// coordinate descent (Franc, Hlaváč & Navara, "Sequential Coordinate-Wise Algorithm for the Non-negative Least Squares
+/// Problem", 2005). Twice as much and half as much count alike: (predicted − measured) / √(predicted · measured).
 pub fn fit(measured: &[(Counts, f64)]) -> Counts {
-    // In units that bring every term to the size of what it explains.
-    let rows: Vec<Counts> = measured.iter().map(|(counts, ms)| counts.map(|count| count * 1e-6 / ms)).collect();
     let mut costs = [0.0; TERMS.len()];
-    let mut left = vec![1.0; rows.len()];
-    for _ in 0..20_000 {
-        for term in 0..TERMS.len() {
-            let norm: f64 = rows.iter().map(|row| row[term] * row[term]).sum();
-            if norm > 0.0 {
+    let mut predicted: Vec<f64> = measured.iter().map(|(_, ms)| *ms).collect();
+    for _ in 0..20 {
+        let weights: Vec<f64> = measured.iter().zip(&predicted).map(|((_, ms), p)| (ms * p).sqrt().recip()).collect();
+        let scaled = |((counts, _), weight): (&(Counts, f64), &f64)| counts.map(|count| count * 1e-6 * weight);
+        let rows: Vec<Counts> = measured.iter().zip(&weights).map(scaled).collect();
+        let norms: Counts = std::array::from_fn(|term| rows.iter().map(|row| row[term] * row[term]).sum());
+        let sum = |row: &Counts, costs: &Counts| row.iter().zip(costs).map(|(count, cost)| count * cost).sum::<f64>();
+        let aims = measured.iter().zip(&weights).map(|((_, ms), weight)| ms * weight);
+        let mut left: Vec<f64> = rows.iter().zip(aims).map(|(row, aim)| aim - sum(row, &costs)).collect();
+        for _ in 0..2000 {
+            for term in (0..TERMS.len()).filter(|term| norms[*term] > 0.0) {
                 let slope: f64 = rows.iter().zip(&left).map(|(row, left)| row[term] * left).sum();
-                let cost = (costs[term] + slope / norm).max(0.0);
+                let cost = (costs[term] + slope / norms[term]).max(0.0);
                 let step = cost - costs[term];
                 costs[term] = cost;
                 left.iter_mut().zip(&rows).for_each(|(left, row)| *left -= step * row[term]);
             }
         }
+        // Nothing predicts less than a thousandth: that would outweigh all else.
+        predicted = measured.iter().map(|(counts, ms)| (sum(counts, &costs) * 1e-6).max(1e-3 * ms)).collect();
     }
     costs
 }

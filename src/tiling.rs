@@ -125,7 +125,7 @@ pub fn plan(objects: &[Object], frame: &Frame, mut seen: Vec<Seen>, photons: usi
 }
 
 /// Cells of one region at most.
-const MAX_CELLS: usize = 1 << 12;
+pub const MAX_CELLS: usize = 1 << 12;
 
 /// A region thinner than this, in radii, is one cell thick.
 const FLAT: f32 = 0.1;
