@@ -5,8 +5,7 @@
 
 use glam::Vec3;
 
-use crate::cells::{self, CELLS_PER_RADIUS, CellSize, Form};
-use crate::cpu::grid::{PhotonTables, face_of, grid_bounds};
+use crate::cells::{self, Bounds, CELLS_PER_RADIUS, CellSize, Form};
 use crate::cpu::scene::SceneTables;
 use crate::layout::{Frame, PLANE};
 use crate::radius::{RASTER, visible_points};
@@ -49,11 +48,14 @@ impl Class {
         }
     }
 
-    /// Nanoseconds of one of each of [`TERMS`], on the machine that they were measured on.
+    /// Nanoseconds of one of each of [`TERMS`]: only their ratios matter. Fitted by `bench --suite choice` to rows of two
+    /// cores that others used too (PoCL, llvmpipe, the twin); those of GPUs are estimates.
     fn costs(self) -> &'static Counts {
         match self {
-            Class::Cpu => &[180.0, 8.0, 4.0, 12.0, 100.0, 400.0, 5.0, 9.0, 100.0, 100.0, 200.0, 100.0, 70.0, 0.0],
-            Class::OpenClLanes => &[10.0, 0.0, 0.3, 0.5, 22.0, 22.0, 0.45, 0.55, 22.0, 60.0, 50.0, 30.0, 12.0, 0.0],
+            Class::Cpu => &[960.0, 85.0, 0.0, 0.0, 571.0, 2200.0, 5.5, 0.0, 195.0, 240.0, 0.0, 540.0, 0.0, 0.0],
+            Class::OpenClLanes => {
+                &[48.0, 0.0, 0.42, 0.66, 69.0, 376.0, 0.75, 0.94, 46.0, 190.0, 153.0, 213.0, 30.0, 8200.0]
+            }
             Class::OpenClGpu => &[0.2, 0.005, 0.005, 0.02, 0.03, 0.1, 0.03, 0.013, 0.03, 1.2, 1.5, 1.5, 0.2, 0.0],
             Class::OpenGlSoftware => {
                 &[60.0, 4.0, 3.0, 15.0, 200.0, 800.0, 35.0, 15.0, 200.0, 100.0, 80.0, 60.0, 12.0, 0.0]
@@ -170,8 +172,8 @@ pub fn estimates(scene: &SceneTables, frame: &Frame, sample: &Sample, question: 
     let looked_at = sample.positions.len().min(PAIRS / points.len().max(1));
     let scale = stored as f64 / looked_at.max(1) as f64;
     let mut faces = vec![Vec::new(); 2 * scene.objects.len()];
-    for (position, surface) in sample.positions.iter().zip(&sample.surfaces).take(looked_at) {
-        faces[face_of(surface)].push(Vec3::from(position.position));
+    for (position, face) in sample.positions.iter().zip(&sample.faces).take(looked_at) {
+        faces[*face as usize].push(Vec3::from(position.position));
     }
     let cell = radius / CELLS_PER_RADIUS;
     let [mut accepted, mut rows, mut candidates] = [0.0; 3];
@@ -243,8 +245,10 @@ pub fn estimates(scene: &SceneTables, frame: &Frame, sample: &Sample, question: 
 
 /// Whether a grid of the whole map would be hashed.
 fn is_hashed(scene: &SceneTables, sample: &Sample, question: &Question) -> bool {
-    let (positions, surfaces) = (&sample.positions[..], &sample.surfaces[..]);
-    let bounds = grid_bounds(&PhotonTables { positions, surfaces, ..PhotonTables::default() }, 2 * scene.objects.len());
+    let mut bounds = vec![Bounds::EMPTY; 2 * scene.objects.len()];
+    for (position, face) in sample.positions.iter().zip(&sample.faces) {
+        bounds[*face as usize].add(position.position);
+    }
     let size = question.class.cell_size();
     let plan = cells::plan(scene.objects, &bounds, question.stored as usize, question.radius, size, Form::Auto);
     plan.is_ok_and(|plan| plan.hashed)

@@ -1,7 +1,9 @@
 //! Choice: the automatic choice between grid, tiles and tiled grid against what each of them really takes.
 
+use std::time::Instant;
+
 use super::table::{Table, Value};
-use super::timing::Samples;
+use super::timing::{Samples, median};
 use super::{Measured, Options, Progress, Steps};
 use crate::choice::{self, Estimate, TERMS};
 use crate::error::{Error, Result};
@@ -58,7 +60,7 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Meas
     let mut rows = Table::new(columns);
     let mut verdicts =
         Table::new(["class", "scene", "size", "photons", "R", "chosen", "ms", "best", "best ms", "chosen/best"]);
-    let mut shares = Table::new(["class", "settings", "within 15%", "worst", "mean"]);
+    let mut shares = Table::new(["class", "settings", "within 15%", "worst", "mean", "choosing, ms"]);
     let mut costs = Table::new(["class", "term", "ns"]);
     for backend in &options.backends {
         let mut pipeline = match Pipeline::open(&options.machine(Some(*backend)), |line| steps.notice(line)) {
@@ -69,7 +71,7 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Meas
             }
         };
         let class = pipeline.class();
-        let mut ratios = Vec::new();
+        let [mut ratios, mut choosing] = [Vec::new(), Vec::new()];
         let mut measured = Vec::new();
         for (scene, size, stored, radius) in settings_of(options, &plan) {
             steps.begin(&format!(
@@ -79,7 +81,8 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Meas
                 size[1],
                 class.name()
             ));
-            let (radius, rivals) = compare(&mut pipeline, scene, size, stored, radius, plan.rounds)?;
+            let (radius, rivals, ms) = compare(&mut pipeline, scene, size, stored, radius, plan.rounds)?;
+            choosing.push(ms);
             let setting: [Value; 5] = [
                 class.name().into(),
                 scene.name.as_str().into(),
@@ -107,7 +110,15 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Meas
         let good = ratios.iter().filter(|ratio| **ratio <= GOOD).count() as u64;
         let worst = ratios.iter().copied().fold(0.0, f64::max);
         let mean = ratios.iter().sum::<f64>() / ratios.len() as f64;
-        shares.push([class.name().into(), (ratios.len() as u64).into(), good.into(), worst.into(), mean.into()]);
+        let ms = median(&choosing);
+        shares.push([
+            class.name().into(),
+            (ratios.len() as u64).into(),
+            good.into(),
+            worst.into(),
+            mean.into(),
+            ms.into(),
+        ]);
         for (term, ns) in TERMS.iter().zip(choice::fit(&measured)) {
             costs.push([class.name().into(), (*term).into(), ns.into()]);
         }
@@ -130,7 +141,7 @@ fn settings_of<'a>(options: &'a Options, plan: &'a Plan) -> impl Iterator<Item =
     })
 }
 
-/// All that could be chosen, what would be chosen first; with the radius. All light by photons: as many as are asked for
+/// The radius; all that could be chosen, what would be chosen first; the milliseconds that choosing took. All light by photons: as many as are asked for
 /// in open scenes too.
 fn compare(
     pipeline: &mut Pipeline,
@@ -139,7 +150,7 @@ fn compare(
     stored: u32,
     radius: f32,
     rounds: u32,
-) -> Result<(f32, Vec<Rival>)> {
+) -> Result<(f32, Vec<Rival>, f64)> {
     let default = Settings { width, height, light: LightMode::Photons, ..Settings::default() };
     let mut settings =
         Settings { gather: Gather { radius: (radius > 0.0).then_some(radius), ..default.gather }, ..default };
@@ -147,7 +158,9 @@ fn compare(
     // Tiles leave photons as they were stored: from these the choice is made.
     settings.gather.method = Method::Tiles;
     let radius = pipeline.render(scene, &settings)?.radius.unwrap_or(radius);
+    let start = Instant::now();
     let estimates = pipeline.estimates()?;
+    let choosing = start.elapsed().as_secs_f64() * 1e3;
     let mut rivals = Vec::new();
     for estimate in estimates {
         settings.gather.method = estimate.method;
@@ -173,5 +186,5 @@ fn compare(
             rivals.push(Rival { estimate, ms: samples.least() });
         }
     }
-    Ok((radius, rivals))
+    Ok((radius, rivals, choosing))
 }
