@@ -145,10 +145,10 @@ impl Estimate {
 }
 
 /// Pairs of visible points and photons whose distance is taken: some hundred microseconds.
-const PAIRS: usize = 1 << 19;
+const PAIRS: usize = 3 << 16;
 
 /// Visible points of them.
-const POINTS: usize = 64;
+const POINTS: usize = 48;
 
 /// What each method would take, the cheapest first.
 ///
