@@ -58,7 +58,7 @@ impl Class {
             }
             Class::OpenClGpu => &[0.2, 0.005, 0.005, 0.02, 0.03, 0.1, 0.03, 0.013, 0.03, 1.2, 1.5, 1.5, 0.2, 0.0],
             Class::OpenGlSoftware => {
-                &[60.0, 4.0, 3.0, 15.0, 200.0, 800.0, 35.0, 15.0, 200.0, 100.0, 80.0, 60.0, 12.0, 0.0]
+                &[290.0, 40.0, 25.0, 35.0, 1190.0, 5420.0, 18.0, 35.0, 400.0, 100.0, 100.0, 1260.0, 0.0, 16000.0]
             }
             Class::OpenGlGpu => &[0.5, 0.02, 0.02, 0.15, 0.3, 1.0, 0.2, 0.1, 0.3, 5.0, 5.0, 5.0, 0.5, 0.0],
         }
@@ -192,8 +192,9 @@ pub fn estimates(scene: &SceneTables, frame: &Frame, sample: &Sample, question: 
         let reaches = |size: &[u32; 2]| {
             let across = width * (size[0] as f32 / frame.width).min(1.0);
             let down = height * (size[1] as f32 / frame.height).min(1.0) / cosine;
-            // A large tile's cells are larger than a grid's: it has only so many.
-            let area = (across + 2.0 * radius) * (down + 2.0 * radius);
+            // A large tile's cells are larger than a grid's: it has only so many, and towards a horizon sees far.
+            let far = down / (1.0 - 0.5 * down / depth).max(0.05);
+            let area = (across + 2.0 * radius) * (far + 2.0 * radius);
             let own_cell = cell.max((area / MAX_CELLS as f32).sqrt());
             [radius + (across * down / std::f32::consts::PI).sqrt(), radius + BEYOND * own_cell]
                 .map(|reach| reach * reach)

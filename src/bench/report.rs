@@ -303,9 +303,9 @@ impl Bench<'_> {
             build.ms.push(times.tiles + if times.tiles > 0.0 { times.upload } else { 0.0 });
             trace.ms.push(times.trace);
         };
-        // The first frame builds programs and tables; the CPU's has nothing to warm up, so a long one may count.
+        // The first frame builds programs and tables; where that is little, on the CPU or in a long one, it may count.
         let rounds = match first.times.trace {
-            long if long > 3000.0 && case.backend == Backend::Cpu => {
+            long if long > 20_000.0 || long > 3000.0 && case.backend == Backend::Cpu => {
                 take(&first.times);
                 0
             }
