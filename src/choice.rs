@@ -52,7 +52,7 @@ impl Class {
     /// cores that others used too (PoCL, llvmpipe, the twin); those of GPUs are estimates.
     fn costs(self) -> &'static Counts {
         match self {
-            Class::Cpu => &[960.0, 85.0, 0.0, 0.0, 571.0, 2200.0, 5.5, 0.0, 195.0, 240.0, 0.0, 540.0, 0.0, 0.0],
+            Class::Cpu => &[960.0, 60.0, 5.0, 5.0, 571.0, 2200.0, 6.0, 8.0, 400.0, 240.0, 100.0, 540.0, 50.0, 0.0],
             Class::OpenClLanes => {
                 &[48.0, 0.0, 0.42, 0.66, 69.0, 376.0, 0.75, 0.94, 46.0, 190.0, 153.0, 213.0, 30.0, 8200.0]
             }
