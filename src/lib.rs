@@ -16,6 +16,7 @@
 pub mod cli;
 
 pub mod bench;
+pub mod stress;
 
 pub mod pipeline;
 

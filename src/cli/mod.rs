@@ -7,6 +7,7 @@ mod options;
 mod plan;
 mod reference;
 mod render;
+mod stress;
 mod validate;
 
 use clap::{Parser, Subcommand};
@@ -26,6 +27,7 @@ enum Command {
     Render(render::Args),
     Compare(compare::Args),
     Bench(bench::Args),
+    Stress(stress::Args),
     Validate(validate::Args),
     Reference(reference::Args),
     Plan(plan::Args),
@@ -41,6 +43,7 @@ pub fn run() -> Result<()> {
         Command::Render(args) => render::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Bench(args) => bench::run(&args),
+        Command::Stress(args) => stress::run(&args),
         Command::Validate(args) => validate::run(&args),
         Command::Reference(args) => reference::run(&args),
         Command::Plan(args) => plan::run(&args),
