@@ -26,6 +26,7 @@ INLINE Answer stress(SCENE_PARAMS CASE_PARAMS Int i) {
     Real to_plane = hit_plane(origin, direction, anchor, extent, on);
     Hit hit;
     hit.t = pick(is_sphere, to_sphere, to_plane);
+    hit.next = lanes(INFINITE);
     hit.object = i;
     Surface surface = surface_at(SCENE origin, direction, hit);
     Answer answer;

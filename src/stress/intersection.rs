@@ -195,6 +195,8 @@ impl Case {
         let extent = f64::from(self.object.extent).abs();
         let to_anchor = match self.class.is_plane() {
             true => origin,
+            // The start's own rounding off the surface counts on both ends of a chord.
+            false if self.on => 2.0 * extent,
             false => (self.origin.as_dvec3() - Vec3::from(self.object.anchor).as_dvec3()).length(),
         };
         to_anchor.max(extent).max(t.unwrap_or(0.0))
@@ -207,7 +209,7 @@ impl Case {
             (false, Some(Fault::NaiveSphere)) => naive_sphere(self.origin, self.direction, anchor, extent),
             (false, _) => hit_sphere(self.origin, self.direction, anchor, extent, self.on),
         };
-        let surface = scene.surface_at(self.origin, self.direction, Hit { t, object: number });
+        let surface = scene.surface_at(self.origin, self.direction, Hit { t, next: INFINITE, object: number });
         let ([px, py, pz], [nx, ny, nz]) = (surface.position.to_array(), surface.normal.to_array());
         [t, px, py, pz, nx, ny, nz, surface.side].map(f32::to_bits)
     }
@@ -266,7 +268,7 @@ impl Errors {
         let (anchor, extent) = (Vec3::from(case.object.anchor).as_dvec3(), f64::from(case.object.extent));
         let (off, size) = match case.class.is_plane() {
             true => ((anchor.dot(position) - extent).abs(), position.length().max(extent.abs())),
-            false => (((position - anchor).length() - extent).abs(), anchor.length().max(extent)),
+            false => (((position - anchor).length() - extent).abs(), anchor.length() + extent),
         };
         self.off_surface.push(off / ulp(size));
         let normal = DVec3::new(nx.into(), ny.into(), nz.into()) * f64::from(side);

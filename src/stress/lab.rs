@@ -143,22 +143,24 @@ impl Lab {
         headless.make_current()?;
         let source = assemble("stress.frag", Some(features), &Options { defines, ..Options::default() });
         let program = Program::new(&headless.gl, &source)?;
-        program.activate(&["cases", Object::TABLE]);
-        program.set_records(std::slice::from_ref(frame));
-        let mut cases = TableTexture::new(&headless.gl, TEXTURE_WIDTH_LOG2)?;
-        cases.fill_texels::<[f32; 3]>(task.cases)?;
-        cases.bind(0);
-        let mut objects = TableTexture::new(&headless.gl, TEXTURE_WIDTH_LOG2)?;
-        if features.in_uniforms {
-            program.set_records(&task.packed.objects);
-        } else {
-            objects.fill(&task.packed.objects)?;
-            objects.bind(1);
-        }
+        // Making and filling bind textures too, so the tables are bound when all is made.
         let columns = task.batch.min(count).clamp(1, COLUMNS);
         let rows = task.batch.min(count).div_ceil(columns);
         let target = Target::new(&headless.gl, columns as u32, rows as u32, true)?;
         let batch = columns * rows;
+        let mut cases = TableTexture::new(&headless.gl, TEXTURE_WIDTH_LOG2)?;
+        let mut objects = TableTexture::new(&headless.gl, TEXTURE_WIDTH_LOG2)?;
+        cases.fill_texels::<[f32; 3]>(task.cases)?;
+        objects.fill(&task.packed.objects)?;
+        // A name that is an array of uniforms is no sampler.
+        program.activate(if features.in_uniforms { &["cases"] } else { &["cases", Object::TABLE] });
+        program.set_records(std::slice::from_ref(frame));
+        cases.bind(0);
+        if features.in_uniforms {
+            program.set_records(&task.packed.objects);
+        } else {
+            objects.bind(1);
+        }
         program.set_int("stride", columns as i32);
         let mut answers = Vec::with_capacity(count);
         for first in (0..count).step_by(batch) {

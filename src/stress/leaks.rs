@@ -238,7 +238,7 @@ fn with_epsilon(scene: &SceneTables, origin: Vec3, direction: Vec3, from: Option
         };
         let least = if object < scene.sphere_count { 0.0 } else { 1e-3 };
         if t > least && t < crate::cpu::intersect::INFINITE && closest.is_none_or(|hit| t < hit.t) {
-            closest = Some(Hit { t, object });
+            closest = Some(Hit { t, next: crate::cpu::intersect::INFINITE, object });
         }
     }
     closest

@@ -87,8 +87,9 @@ impl GlTrace {
         let samples = frame.samples as u64;
         let Some(granted) = self.rounds else { return Ok(Draws { samples, slices: 1 }) };
         let (objects, lights) = ((frame.sphere_count + frame.plane_count) as u64, frame.light_count as u64);
-        // Closest hit, a shadow ray a light, the clipped disc's planes twice; 32 bits of a Sobol' number.
-        let mut fixed = objects * (3 + lights) + lights + 64;
+        // Closest hit, the planes' sides, a shadow ray a light, the clipped disc's planes twice; 32 bits of a Sobol'
+        // number.
+        let mut fixed = objects * (4 + lights) + lights + 64;
         let mut candidates = 0;
         if photons {
             let across = cells_across(self.photons.gather());
