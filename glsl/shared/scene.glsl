@@ -83,21 +83,23 @@ struct Surface {
 
 #ifdef HAS_PLANES
 // A hit an ulp beside an edge may come to lie beyond the other plane, and a ray that goes on from there would leave a
-// closed room (measured: five of 10⁸). Such a point is put back to the side on which the ray travelled.
+// closed room (measured: one of 2·10⁷). Such a point is put back to the side on which the ray travelled.
 INLINE Vec3 keep_side(SCENE_PARAMS Vec3 origin, Vec3 direction, Hit hit, Vec3 position) {
     Real size = fabs(origin.x) + fabs(origin.y) + fabs(origin.z) + hit.t;
     // Rounding reaches a few 1e-7 of the size past a plane; even at a grazing 1e-3 that is this far along the ray.
-    Bool close = hit.next - hit.t < 5e-4f * size;
+    // The edge is one with what the ray would meet next, or with what it has just left.
+    Bool close = min(hit.next - hit.t, hit.t) < 5e-4f * size;
     if (!any_lane(close)) return position;
-    Vec3 middle = add3(origin, scale3(direction, 0.5f * hit.t));
     for (int i = SPHERE_COUNT; i < SPHERE_COUNT + PLANE_COUNT; i++) {
         Vec3 normal = object_anchor_same(i);
         Real offset = object_extent_same(i);
         Real here = dot3(normal, position) - offset;
-        Real there = dot3(normal, middle) - offset;
+        Real there = dot3(normal, origin) - offset;
+        // Of what the ray starts on, the direction knows the side.
+        there = pick(fabs(there) < 5e-7f * size, dot3(normal, direction), there);
         // On the plane is beyond it: the next ray would not meet it at a distance of 0.
         Bool beyond = close && hit.object != i && here * there <= 0.0f;
-        // Back, and eight ulps farther, which no later rounding undoes.
+        // Back, and eight ulps farther: then its side is known on the next ray too.
         Real push = copysign(fabs(here) + 1e-6f * size, there);
         position = pick3(beyond, add3(position, scale3(normal, push)), position);
     }

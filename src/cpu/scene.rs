@@ -97,13 +97,15 @@ impl<'a> SceneTables<'a> {
     fn keep_side(&self, origin: Vec3, direction: Vec3, hit: Hit, mut position: Vec3) -> Vec3 {
         let size = origin.x.abs() + origin.y.abs() + origin.z.abs() + hit.t;
         // Rounding reaches a few 1e-7 of the size past a plane; even at a grazing 1e-3 that is this far along the ray.
-        if hit.next - hit.t < 5e-4 * size {
-            let middle = origin + direction * (0.5 * hit.t);
+        // The edge is one with what the ray would meet next, or with what it has just left.
+        if (hit.next - hit.t).min(hit.t) < 5e-4 * size {
             for (i, plane) in self.objects.iter().enumerate().skip(self.sphere_count) {
                 let normal = Vec3::from(plane.anchor);
-                let [here, there] = [position, middle].map(|p| normal.dot(p) - plane.extent);
+                let [here, there] = [position, origin].map(|p| normal.dot(p) - plane.extent);
+                // Of what the ray starts on, the direction knows the side.
+                let there = if there.abs() < 5e-7 * size { normal.dot(direction) } else { there };
                 if i != hit.object && here * there <= 0.0 {
-                    // Back, and eight ulps farther, which no later rounding undoes.
+                    // Back, and eight ulps farther: then its side is known on the next ray too.
                     position += normal * (here.abs() + 1e-6 * size).copysign(there);
                 }
             }
