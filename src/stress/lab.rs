@@ -1,5 +1,7 @@
 //! Where the shared dialect's functions can be asked: each device through a small program of its own.
 
+use std::rc::Rc;
+
 use crate::cl::{self, Buffer};
 use crate::error::{Error, Result};
 use crate::features::{Features, Lights};
@@ -19,7 +21,7 @@ pub type Answer = [u32; 8];
 #[derive(Default)]
 pub struct Lab {
     gl: Option<Headless>,
-    cl: Option<cl::Context>,
+    cl: Option<Rc<cl::Context>>,
     /// Those that are there, of those that were asked for.
     pub backends: Vec<Backend>,
 }
@@ -50,7 +52,7 @@ impl Lab {
         for backend in wanted {
             let opened = match backend {
                 Backend::OpenGl => Headless::new().map(|gl| lab.gl = Some(gl)),
-                Backend::OpenCl => open_device(device, notice).map(|cl| lab.cl = Some(cl)),
+                Backend::OpenCl => open_device(device, notice).map(|cl| lab.cl = Some(Rc::new(cl))),
                 Backend::Cpu => Ok(()),
             };
             match opened {
@@ -61,9 +63,14 @@ impl Lab {
         lab
     }
 
-    /// Devices, not the CPU.
-    pub fn devices(&self) -> impl Iterator<Item = Backend> + use<> {
-        self.backends.clone().into_iter().filter(|backend| *backend != Backend::Cpu)
+    /// The OpenGL context, where it is open.
+    pub fn gl(&self) -> Option<&Headless> {
+        self.gl.as_ref()
+    }
+
+    /// The OpenCL device, where it is open.
+    pub fn cl(&self) -> Option<Rc<cl::Context>> {
+        self.cl.clone()
     }
 
     /// Answers of items `0 … count − 1` on a device.
@@ -83,7 +90,7 @@ impl Lab {
             in_uniforms: task.in_uniforms && backend == Backend::OpenGl,
         };
         let mut defines = vec![task.body.to_string()];
-        defines.extend(task.fault.map(|fault| fault.define().to_string()));
+        defines.extend(task.fault.map(|fault| fault.define()));
         let frame = Frame {
             sphere_count: task.packed.sphere_count as f32,
             plane_count: task.packed.plane_count() as f32,

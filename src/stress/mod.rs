@@ -5,6 +5,7 @@
 //! suite whose rows cannot fail proves nothing, so each can be given a [`Fault`] that it must find.
 
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 
 use serde::Serialize;
 
@@ -16,10 +17,14 @@ use crate::film::write_beside;
 use crate::pipeline::{Machine, Pipeline};
 use crate::settings::Backend;
 
+mod estimator;
 mod exact;
 mod intersection;
 mod lab;
 mod leaks;
+mod offset;
+mod random;
+mod special;
 mod summary;
 
 pub use lab::Lab;
@@ -33,17 +38,30 @@ pub enum Suite {
     Intersection,
     /// Rays in closed boxes: escapes and self-hits.
     Leaks,
+    /// The same picture elsewhere and at another scale.
+    Offset,
+    /// Density estimates by radius and number of photons.
+    Estimator,
+    /// Random numbers: the same everywhere, evenly spread, independent.
+    Random,
+    /// Special values through the whole pipeline.
+    Special,
 }
 
 impl Suite {
     /// In the order in which they run.
-    pub const ALL: [Suite; 2] = [Suite::Intersection, Suite::Leaks];
+    pub const ALL: [Suite; 6] =
+        [Suite::Intersection, Suite::Leaks, Suite::Offset, Suite::Estimator, Suite::Random, Suite::Special];
 
     /// As users write it.
     pub fn name(self) -> &'static str {
         match self {
             Suite::Intersection => "intersection",
             Suite::Leaks => "leaks",
+            Suite::Offset => "offset",
+            Suite::Estimator => "estimator",
+            Suite::Random => "random",
+            Suite::Special => "special",
         }
     }
 
@@ -55,6 +73,10 @@ impl Suite {
         match self {
             Suite::Intersection => intersection::run(bench),
             Suite::Leaks => leaks::run(bench),
+            Suite::Offset => offset::run(bench),
+            Suite::Estimator => estimator::run(bench),
+            Suite::Random => random::run(bench),
+            Suite::Special => special::run(bench),
         }
     }
 }
@@ -67,26 +89,58 @@ pub enum Fault {
     NaiveSphere,
     /// Planes are hit from a millimetre on; no ray knows where it starts.
     FixedEpsilon,
+    /// Scenes keep their world coordinates in float32.
+    WorldCoordinates,
+    /// A photon is missing from the map.
+    LostPhoton,
+    /// Uniform numbers from all 32 bits, some of which round to 1.
+    RoundedUp,
+    /// Two dimensions share their numbers.
+    SharedNumbers,
+    /// A pixel that is no number.
+    NotANumber,
 }
 
 impl Fault {
     /// All of them.
-    pub const ALL: [Fault; 2] = [Fault::NaiveSphere, Fault::FixedEpsilon];
+    pub const ALL: [Fault; 7] = [
+        Fault::NaiveSphere,
+        Fault::FixedEpsilon,
+        Fault::WorldCoordinates,
+        Fault::LostPhoton,
+        Fault::RoundedUp,
+        Fault::SharedNumbers,
+        Fault::NotANumber,
+    ];
+
+    /// The suite that is made for it.
+    pub fn found_by(self) -> Suite {
+        match self {
+            Fault::NaiveSphere => Suite::Intersection,
+            Fault::FixedEpsilon => Suite::Leaks,
+            Fault::WorldCoordinates => Suite::Offset,
+            Fault::LostPhoton => Suite::Estimator,
+            Fault::RoundedUp | Fault::SharedNumbers => Suite::Random,
+            Fault::NotANumber => Suite::Special,
+        }
+    }
 
     /// As users write it.
     pub fn name(self) -> &'static str {
         match self {
             Fault::NaiveSphere => "naive-sphere",
             Fault::FixedEpsilon => "fixed-epsilon",
+            Fault::WorldCoordinates => "world-coordinates",
+            Fault::LostPhoton => "lost-photon",
+            Fault::RoundedUp => "rounded-up",
+            Fault::SharedNumbers => "shared-numbers",
+            Fault::NotANumber => "not-a-number",
         }
     }
 
-    /// As shaders know it; suites without a shader of their own have no use for it.
-    fn define(self) -> &'static str {
-        match self {
-            Fault::NaiveSphere => "FAULT_NAIVE_SPHERE",
-            Fault::FixedEpsilon => "FAULT_FIXED_EPSILON",
-        }
+    /// As shaders know it, `FAULT_NAIVE_SPHERE`; suites without a shader of their own have no use for it.
+    fn define(self) -> String {
+        format!("FAULT_{}", self.name().to_uppercase().replace('-', "_"))
     }
 }
 
@@ -135,7 +189,7 @@ pub struct Bench<'a> {
     /// The devices.
     pub lab: Lab,
     /// The CPU's threads.
-    pub pool: rayon::ThreadPool,
+    pub pool: Rc<rayon::ThreadPool>,
     progress: &'a mut dyn FnMut(Progress),
 }
 
@@ -159,7 +213,6 @@ impl Bench<'_> {
     }
 
     /// A renderer on a backend.
-    #[allow(dead_code)]
     fn pipeline(&mut self, backend: Backend) -> Result<Pipeline> {
         let options = self.options;
         let machine =
@@ -209,7 +262,7 @@ pub fn run(suites: &[Suite], options: &Options, progress: &mut dyn FnMut(Progres
         return Err(Error::Driver("none of the backends that were asked for is there".into()));
     }
     let pool = rayon::ThreadPoolBuilder::new().num_threads(options.threads).build();
-    let pool = pool.map_err(|error| Error::Device(format!("{} threads: {error}", options.threads)))?;
+    let pool = pool.map(Rc::new).map_err(|error| Error::Device(format!("{} threads: {error}", options.threads)))?;
     let mut bench = Bench { options, lab, pool, progress };
     let (mut rows, mut charts) = (Vec::new(), Vec::new());
     for suite in suites {
