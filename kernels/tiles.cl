@@ -90,96 +90,135 @@ __kernel void tiles_seen(SCENE_PARAMS __global float *seen, __global uint *count
 }
 #endif
 
+float dot_plain(float3 a, float3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+
+STRUCT(Slopes)
+struct Slopes {
+    Real low, high;
+};
+
 // Slopes, lowest and highest, of the rays that meet a disc around (across, depth) in the plane of one image axis and
 // the viewing direction: the tangents from the eye, infinite where they point backwards (Mara & McGuire, "2D
 // Polyhedral Bounds of a Clipped, Perspective-Projected 3D Sphere", JCGT 2013).
-float2 slopes(float across, float depth, float radius) {
-    float2 slope = (float2)(-1e15f, 1e15f);
-    float tangent2 = across * across + depth * depth - radius * radius;
-    if (tangent2 > 0.0f) {
-        float tangent = sqrt(tangent2);
-        float low = depth * tangent + across * radius, high = depth * tangent - across * radius;
-        if (low > 0.0f) slope.x = (across * tangent - depth * radius) / low;
-        if (high > 0.0f) slope.y = (across * tangent + depth * radius) / high;
-    }
+INLINE Slopes slopes(Real across, Real depth, Real radius) {
+    Real tangent2 = across * across + depth * depth - radius * radius;
+    Bool outside = tangent2 > 0.0f;
+    Real tangent = sqrt(max(tangent2, lanes(0.0f)));
+    Real low = depth * tangent + across * radius, high = depth * tangent - across * radius;
+    Slopes s;
+    s.low = pick(outside && low > 0.0f, (across * tangent - depth * radius) / low, -1e15f);
+    s.high = pick(outside && high > 0.0f, (across * tangent + depth * radius) / high, 1e15f);
     // Rays round too, each along the way to its point.
-    return slope + (float2)(-4e-6f, 4e-6f) * (1.0f + fabs(slope));
+    s.low = s.low - 4e-6f * (1.0f + fabs(s.low));
+    s.high = s.high + 4e-6f * (1.0f + fabs(s.high));
+    return s;
 }
 
 // First and last tile along an image axis of `tiles` tiles of `size` pixels that pixels from low to high can touch:
 // one pixel more at either end.
-int2 tile_range(float low, float high, float size, int tiles) {
-    float most = (float)tiles * size;
-    return (int2)((int)(clamp(low - 1.0f, 0.0f, most) / size),
-                  min((int)(clamp(high + 1.0f, -1.0f, most) / size), tiles - 1) - (high < -1.0f ? 1 : 0));
+INLINE Int first_tile(Real low, float size, int tiles) {
+    return to_int(min(max(low - 1.0f, lanes(0.0f)), lanes((float)tiles * size)) / size);
+}
+INLINE Int last_tile(Real high, float size, int tiles) {
+    Int last = to_int(min(max(high + 1.0f, lanes(-1.0f)), lanes((float)tiles * size)) / size);
+    return min(last, lanes_i(tiles - 1)) - pick_i(high < -1.0f, 1, 0);
 }
 
-float dot_plain(float3 a, float3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+// Lanes' values as an array.
+#if LANES == 1
+#define TO_ARRAY(v, array) array[0] = v
+#else
+#define TO_ARRAY(v, array) CONCAT(vstore, LANES)(v, 0, array)
+#endif
 
-// Calls for each region that photon i's disc can touch: counts them and, where keys are given, writes the photon's cell
-// and number from `place` on.
-uint enter(int i, __global const float *frame, __global const float *gather, __global const float *tiles,
-           __global const float *regions, __global const float *photon_positions,
-           __global const float *photon_surfaces, int tiles_down, __global uint *keys, __global uint *photons,
-           uint place) {
-    float3 p = photon_position_scalar(i);
+// A rectangle of tiles in three words: left | top << 16, columns | lines << 16, and which of its tiles, row by row, a
+// photon enters: all of them where there are more than a word has bits.
+#define SPAN_WORDS 3
+#define SPAN_BITS 32
+
+// The first photon's and its neighbours' rectangles of tiles, a lane each: left, top, columns, lines; no column where
+// a disc meets no ray. Photons from `end` on are the last one once more.
+INLINE void spans_of(int first, int end, __global const float *frame, __global const float *gather,
+                     __global const float *photon_positions, int tiles_down, int *left, int *top, int *columns,
+                     int *lines) {
+    Int photon = min(lanes_i(first) + to_int_of(LANE_NUMBER), lanes_i(end - 1));
+    Vec3 p = photon_position(photon);
     float3 eye = frame_position_scalar(), right = frame_right_scalar(), up = frame_up_scalar();
-    float3 away = p - eye;
+    float3 forward = frame_forward_scalar();
+    Real x = p.x - eye.x, y = p.y - eye.y, z = p.z - eye.z;
     // More than coordinates round, so that distances alone decide.
-    float reach = gather_radius() * 1.0005f +
+    Real reach = gather_radius() * 1.0005f +
         4e-6f * (fabs(p.x) + fabs(p.y) + fabs(p.z) + fabs(eye.x) + fabs(eye.y) + fabs(eye.z));
-    float depth = dot_plain(away, frame_forward_scalar());
-    if (depth + reach <= 0.0f) return 0u;
+    Real depth = x * forward.x + y * forward.y + z * forward.z;
     float half_width = sqrt(dot_plain(right, right)), half_height = sqrt(dot_plain(up, up));
-    float2 across = slopes(dot_plain(away, right) / half_width, depth, reach) / half_width;
-    float2 upward = slopes(dot_plain(away, up) / half_height, depth, reach) / half_height;
+    Slopes across = slopes((x * right.x + y * right.y + z * right.z) / half_width, depth, reach);
+    Slopes upward = slopes((x * up.x + y * up.y + z * up.z) / half_height, depth, reach);
     float pixels = 0.5f * frame_width(), rows = 0.5f * frame_height();
     int tiles_across = count_of(gather_tiles_across());
-    int2 columns = tile_range((across.x + 1.0f) * pixels, (across.y + 1.0f) * pixels, gather_tile_width(), tiles_across);
-    int2 lines = tile_range((1.0f - upward.y) * rows, (1.0f - upward.x) * rows, gather_tile_height(), tiles_down);
-    float face = 2.0f * photon_object_scalar(i) + (photon_side_scalar(i) < 0.0f ? 1.0f : 0.0f);
-    uint entered = 0u;
-    for (int y = lines.x; y <= lines.y; y++)
-        for (int x = columns.x; x <= columns.y; x++) {
-            int tile = y * tiles_across + x;
-            int first = count_of(tile_first_scalar(tile)), end = first + count_of(tile_count_scalar(tile));
-            for (int r = first; r < end; r++) {
-                if (region_face_scalar(r) != face) continue;
-                float3 low = region_low_scalar(r), high = region_high_scalar(r);
-                float3 gap = fmax(fmax(low - p, p - high), (float3)(0.0f));
-                float size = fabs(low.x) + fabs(low.y) + fabs(low.z) + fabs(high.x) + fabs(high.y) + fabs(high.z);
-                float margin = gather_radius() * 1.0005f + 5e-6f * size;
-                if (dot_plain(gap, gap) > margin * margin) break; // a tile has one region a face
-                if (keys) {
-                    float flipped = region_flipped_scalar(r);
-                    float3 inverse = grid_axes(region_inverse_cell_scalar(r), flipped);
-                    float3 counts = region_counts_scalar(r);
-                    float3 q = grid_axes(p, flipped) - region_origin_scalar(r);
-                    int u = clamp(cell_along(q.x, inverse.x), 0, count_of(counts.x) - 1);
-                    int v = clamp(cell_along(q.y, inverse.y), 0, count_of(counts.y) - 1);
-                    int w = clamp(cell_along(q.z, inverse.z), 0, count_of(counts.z) - 1);
-                    keys[place + entered] = row_start(count_of(region_base_scalar(r)), v, w, counts) + u;
-                    photons[place + entered] = i;
-                }
-                entered++;
-                break;
-            }
-        }
-    return entered;
+    Int x_first = first_tile((across.low / half_width + 1.0f) * pixels, gather_tile_width(), tiles_across);
+    Int x_last = last_tile((across.high / half_width + 1.0f) * pixels, gather_tile_width(), tiles_across);
+    Int y_first = first_tile((1.0f - upward.high / half_height) * rows, gather_tile_height(), tiles_down);
+    Int y_last = last_tile((1.0f - upward.low / half_height) * rows, gather_tile_height(), tiles_down);
+    Bool seen = depth + reach > 0.0f && x_last >= x_first && y_last >= y_first;
+    TO_ARRAY(x_first, left);
+    TO_ARRAY(y_first, top);
+    TO_ARRAY(pick_i(seen, x_last - x_first + 1, 0), columns);
+    TO_ARRAY(pick_i(seen, y_last - y_first + 1, 0), lines);
 }
 
-// counts[work-item]: pairs of a run of neighbouring photons.
+// The region of a tile that a photon's disc can touch, −1 where there is none: a tile has one region a face at most.
+INLINE int region_of(int tile, float face, float3 p, __global const float *tiles, __global const float *regions) {
+    int first = count_of(tile_first_scalar(tile)), end = first + count_of(tile_count_scalar(tile));
+    for (int r = first; r < end; r++) {
+        if (region_face_scalar(r) != face) continue;
+        float3 low = region_low_scalar(r), high = region_high_scalar(r);
+        float3 gap = max(max(low - p, p - high), (float3)(0.0f));
+        return dot_plain(gap, gap) > region_margin2_scalar(r) ? -1 : r;
+    }
+    return -1;
+}
+
+// A photon's face, see cell.glsl.
+#define PHOTON_FACE(i) (2.0f * photon_object_scalar(i) + (photon_side_scalar(i) < 0.0f ? 1.0f : 0.0f))
+
+// counts[work-item]: pairs of a run of neighbouring photons; spans[photon]: where they are.
 __kernel void tiles_count(__global const float *frame, __global const float *gather, __global const float *tiles,
                           __global const float *regions, __global const float *photon_positions,
                           __global const float *photon_surfaces, int tiles_down, __global uint *counts, int count,
-                          int per_item) {
+                          int per_item, __global uint *spans) {
     int item = get_global_id(0);
     int end = min((item + 1) * per_item, count);
+    int tiles_across = count_of(gather_tiles_across());
     uint entered = 0u;
-    for (int i = item * per_item; i < end; i++)
-        // Saturated: the host refuses what is far too many.
-        entered = add_sat(entered, enter(i, frame, gather, tiles, regions, photon_positions, photon_surfaces,
-                                         tiles_down, 0, 0, 0u));
+    int left[LANES], top[LANES], columns[LANES], lines[LANES];
+    for (int block = item * per_item; block < end; block += LANES) {
+        spans_of(block, end, frame, gather, photon_positions, tiles_down, left, top, columns, lines);
+        for (int lane = 0; lane < min(LANES, end - block); lane++) {
+            int i = block + lane, width = columns[lane], size = width * lines[lane];
+            uint own = 0u, mask = 0u;
+            if (size > 0) {
+                float3 p = photon_position_scalar(i);
+                float face = PHOTON_FACE(i);
+                int tile = top[lane] * tiles_across + left[lane];
+                for (int t = 0, column = 0; t < size; t++) {
+                    if (region_of(tile, face, p, tiles, regions) >= 0) {
+                        own++;
+                        mask |= t < SPAN_BITS ? 1u << t : 0u;
+                    }
+                    tile++;
+                    if (++column == width) {
+                        column = 0;
+                        tile += tiles_across - width;
+                    }
+                }
+            }
+            if (size > SPAN_BITS) mask = ~0u;
+            // Saturated: the host refuses what is far too many.
+            entered = add_sat(entered, own);
+            uint3 span = (uint3)(left[lane] | (top[lane] << 16), own ? width | (lines[lane] << 16) : 0, mask);
+            vstore3(span, i, spans);
+        }
+    }
     counts[item] = entered;
 }
 
@@ -187,13 +226,40 @@ __kernel void tiles_count(__global const float *frame, __global const float *gat
 __kernel void tiles_fill(__global const float *frame, __global const float *gather, __global const float *tiles,
                          __global const float *regions, __global const float *photon_positions,
                          __global const float *photon_surfaces, int tiles_down, __global const uint *places,
-                         int count, int per_item, __global uint *keys, __global uint *photons) {
+                         int count, int per_item, __global const uint *spans, __global uint *keys,
+                         __global uint *photons) {
     int item = get_global_id(0);
     int end = min((item + 1) * per_item, count);
+    int tiles_across = count_of(gather_tiles_across());
     uint place = places[item];
-    for (int i = item * per_item; i < end; i++)
-        place += enter(i, frame, gather, tiles, regions, photon_positions, photon_surfaces, tiles_down, keys, photons,
-                       place);
+    for (int i = item * per_item; i < end; i++) {
+        uint3 span = vload3(i, spans);
+        int width = span.y & 0xffffu, size = width * (int)(span.y >> 16);
+        if (size == 0) continue;
+        float3 p = photon_position_scalar(i);
+        float face = PHOTON_FACE(i);
+        int tile = (int)(span.x >> 16) * tiles_across + (int)(span.x & 0xffffu);
+        for (int t = 0, column = 0; t < size; t++) {
+            int r = t >= SPAN_BITS || (span.z >> t & 1u) ? region_of(tile, face, p, tiles, regions) : -1;
+            if (r >= 0) {
+                float flipped = region_flipped_scalar(r);
+                float3 inverse = grid_axes(region_inverse_cell_scalar(r), flipped);
+                float3 counts = region_counts_scalar(r);
+                float3 q = grid_axes(p, flipped) - region_origin_scalar(r);
+                int u = clamp(cell_along(q.x, inverse.x), 0, count_of(counts.x) - 1);
+                int v = clamp(cell_along(q.y, inverse.y), 0, count_of(counts.y) - 1);
+                int w = clamp(cell_along(q.z, inverse.z), 0, count_of(counts.z) - 1);
+                keys[place] = row_start(count_of(region_base_scalar(r)), v, w, counts) + u;
+                photons[place] = i;
+                place++;
+            }
+            tile++;
+            if (++column == width) {
+                column = 0;
+                tile += tiles_across - width;
+            }
+        }
+    }
 }
 
 // tile_photons[i]: the photon at place i of the sorted pairs.

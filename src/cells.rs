@@ -60,6 +60,14 @@ pub enum CellSize {
     Metres([f32; 3]),
     /// So many cells along x, y, z of the box of all photons, as `--grid NXxNYxNZ` asks for.
     Counts([u32; 3]),
+    /// Cells of this size whose borders go through `corner`, scene space, both in metres: a fixed box's own cells, which
+    /// go on beyond the box as far as photons lie, so that none is lost.
+    Lattice {
+        /// A corner of some cell.
+        corner: [f32; 3],
+        /// Along x, y, z.
+        cell: [f32; 3],
+    },
 }
 
 /// Which of the two forms the grid takes.
@@ -138,7 +146,7 @@ pub fn plan(
         CellSize::Auto => [radius / CELLS_PER_RADIUS; 3],
         CellSize::PerRadius(cells) => [radius / cells; 3],
         CellSize::Alone => [radius / CELLS_PER_RADIUS_ALONE; 3],
-        CellSize::Metres(cell) => cell,
+        CellSize::Metres(cell) | CellSize::Lattice { cell, .. } => cell,
         // A box without depth is one cell deep whatever its size.
         CellSize::Counts(counts) => [0, 1, 2].map(|i| {
             let extent = (all.high[i] - all.low[i]).max(0.0);
@@ -162,8 +170,16 @@ pub fn plan(
             continue;
         }
         let axes = if flip { [1, 0, 2] } else { [0, 1, 2] };
-        record.origin = axes.map(|axis| bounds.low[axis]);
-        record.counts = axes.map(|axis| cell_along(bounds.high[axis] - bounds.low[axis], inverse_cell[axis]) + 1.0);
+        let origin = match size {
+            CellSize::Lattice { corner, .. } => [0, 1, 2].map(|axis| {
+                let border =
+                    corner[axis] + cell_along(bounds.low[axis] - corner[axis], inverse_cell[axis]) * cell[axis];
+                border.min(bounds.low[axis]) // rounding must not leave a photon before the first cell
+            }),
+            _ => bounds.low,
+        };
+        record.origin = axes.map(|axis| origin[axis]);
+        record.counts = axes.map(|axis| cell_along(bounds.high[axis] - origin[axis], inverse_cell[axis]) + 1.0);
         record.base = base as f32;
         base += record.counts.iter().map(|c| f64::from(*c)).product::<f64>();
     }
@@ -251,6 +267,23 @@ mod tests {
         let plan = plan(&objects, &bounds, 1000, 1.0, CellSize::Counts([60, 40, 40]), Form::Auto).unwrap();
         let close = |a: f32, b: f32| (a - b).abs() < 1e-6;
         assert!(plan.gather.cell.iter().zip([0.1, 0.1, 0.15]).all(|(a, b)| close(*a, b)), "{:?}", plan.gather.cell);
+    }
+
+    #[test]
+    fn a_lattice_has_the_fixed_boxs_borders_and_holds_what_lies_outside_it() {
+        let (objects, bounds) = room(1.0);
+        let size = CellSize::Lattice { corner: [-10.2, -10.0, -20.0], cell: [0.5; 3] };
+        let plan = plan(&objects, &bounds, 1000, 1.0, size, Form::Auto).unwrap();
+        let floor = &plan.faces[0];
+        let close = |a: f32, b: f32| (a - b).abs() < 1e-5;
+        assert!(close(floor.origin[0], -3.2) && close(floor.origin[1], -2.0) && close(floor.origin[2], -3.0));
+        assert_eq!(floor.counts, [13.0, 1.0, 13.0]);
+        // The box ends at x = −4; photons of a wider room have cells too.
+        let (objects, bounds) = room(2.0);
+        let size = CellSize::Lattice { corner: [-4.0; 3], cell: [0.5; 3] };
+        let plan = super::plan(&objects, &bounds, 1000, 1.0, size, Form::Auto).unwrap();
+        let floor = &plan.faces[0];
+        assert_eq!((floor.origin[0], floor.counts[0]), (-6.0, 25.0));
     }
 
     #[test]

@@ -296,6 +296,12 @@ record! {
         base: f32,
         /// 1: u is y and v is x; 0: u, v, w are x, y, z.
         flipped: f32,
+        /// Squared distance from the box within which photons are on the list, m²: R², and what coordinates round.
+        margin2: f32,
+        /// Zero.
+        reserved: f32,
+        /// Zero.
+        spare: f32,
     }
 }
 

@@ -3,6 +3,8 @@
 use std::rc::Rc;
 use std::time::Instant;
 
+use glam::DVec3;
+
 use crate::cells::{CellSize, Form};
 use crate::change::{Change, Stage, is_stale};
 use crate::choice::{self, Question};
@@ -18,7 +20,7 @@ use crate::layout::Frame;
 use crate::pack::Packed;
 use crate::radius;
 use crate::scene::Scene;
-use crate::settings::{Backend, Gather, LightMode, Method, Settings};
+use crate::settings::{Backend, Gather, Lattice, LightMode, Method, Settings};
 use crate::stage::grid::Wanted;
 use crate::stage::map::{MapCounts, MapStage};
 use crate::stage::trace::{ClTrace, CpuTrace, GlTrace, Permutation, Trace};
@@ -94,6 +96,8 @@ pub struct Rendering {
     pub photons: Option<MapCounts>,
     /// How photons were gathered, where there are any.
     pub method: Option<Method>,
+    /// Size of the tiles, pixels, where photons were gathered by tiles.
+    pub tile: Option<[u32; 2]>,
     /// Gather radius, metres, where there are photons.
     pub radius: Option<f32>,
     /// Tables of the photon map that were moved for this picture.
@@ -240,7 +244,7 @@ impl Pipeline {
                 chosen = self.choose(settings, radius, &tables, &frame, stored)?;
                 // Tiles take photons as they were stored.
                 if !chosen.method.is_tiled() {
-                    chosen.hashed = self.map.sort(&grid_wanted(settings, radius, self.backend))?;
+                    chosen.hashed = self.map.sort(&grid_wanted(settings, radius, self.backend, packed.origin))?;
                 }
                 times.grid = lap.ms();
             }
@@ -287,7 +291,8 @@ impl Pipeline {
         let radius = wants_photons.then_some(chosen.radius);
         self.last = Some(Last { scene: scene.clone(), settings: settings.clone(), features, packed, photons, chosen });
         let method = wants_photons.then_some(chosen.method);
-        Ok(Rendering { image, times, skipped, photons, method, radius, uploads })
+        let tile = method.filter(|method| method.is_tiled()).map(|_| chosen.tile);
+        Ok(Rendering { image, times, skipped, photons, method, tile, radius, uploads })
     }
 
     /// Traces the same picture again and tells the milliseconds it took: for timings, apart from all else.
@@ -365,11 +370,14 @@ impl Drop for Pipeline {
 }
 
 /// The grid that these settings ask for.
-fn grid_wanted(settings: &Settings, radius: f32, backend: Backend) -> Wanted {
-    let size = match settings.gather.cells {
-        Some(counts) => CellSize::Counts(counts),
-        None if backend == Backend::OpenGl => CellSize::Alone,
-        None => CellSize::Auto,
+fn grid_wanted(settings: &Settings, radius: f32, backend: Backend, origin: DVec3) -> Wanted {
+    let size = match (settings.gather.lattice, settings.gather.cells) {
+        (Some(Lattice { corner, cell }), _) => {
+            CellSize::Lattice { corner: (DVec3::from(corner) - origin).as_vec3().to_array(), cell }
+        }
+        (None, Some(counts)) => CellSize::Counts(counts),
+        (None, None) if backend == Backend::OpenGl => CellSize::Alone,
+        (None, None) => CellSize::Auto,
     };
     Wanted { radius, size, form: Form::Auto, nearest: settings.gather.nearest }
 }

@@ -178,8 +178,19 @@ pub struct Gather {
     pub nearest: u32,
     /// Cells along x, y, z of the photons' box; `None`: cells in proportion to R.
     pub cells: Option<[u32; 3]>,
+    /// Cells on a lattice of the user's, which comes before `cells`; `None`: they begin where photons do.
+    pub lattice: Option<Lattice>,
     /// Width and height of tiles, pixels; `None`: [`crate::tiling::TILE`].
     pub tile: Option<[u32; 2]>,
+}
+
+/// Cells that fill space from a corner on, in all directions.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lattice {
+    /// A corner of some cell, world space, metres.
+    pub corner: [f64; 3],
+    /// Along x, y, z; metres.
+    pub cell: [f32; 3],
 }
 
 impl Default for Settings {
@@ -198,6 +209,7 @@ impl Default for Settings {
                 radius: None,
                 nearest: 50,
                 cells: None,
+                lattice: None,
                 tile: None,
             },
         }

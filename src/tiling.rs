@@ -87,7 +87,8 @@ pub fn plan(objects: &[Object], frame: &Frame, mut seen: Vec<Seen>, photons: usi
         tile.count += 1.0;
         let Bounds { low, high } = bounds;
         let size = low.iter().chain(&high).map(|x| x.abs()).sum::<f32>();
-        // Wider than photons on the list may lie away (`enter` in tiles.cl).
+        let margin = wanted.radius * 1.0005 + 5e-6 * size;
+        // Wider than that.
         let grow = wanted.radius * 1.001 + 1e-5 * size;
         let extent = [0, 1, 2].map(|axis| high[axis] - low[axis] + 2.0 * grow);
         // An axis-aligned plane is flat, and so are its photons: cells across it would be empty rows.
@@ -106,6 +107,8 @@ pub fn plan(objects: &[Object], frame: &Frame, mut seen: Vec<Seen>, photons: usi
             face: face as f32,
             base: cells as f32,
             flipped: f32::from(u8::from(flip)),
+            margin2: margin * margin,
+            ..Region::default()
         });
         cells += along.iter().product::<f32>() as usize;
     }

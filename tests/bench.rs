@@ -100,6 +100,47 @@ fn gather_tests_more_candidates_in_larger_cells() {
 }
 
 #[test]
+fn the_report_goes_on_where_it_was_left() {
+    let directory = tempfile::tempdir().unwrap();
+    let out = directory.path().join("out");
+    let command = format!("bench gi_ref --suite report --quick --backends cpu --json -o {}", out.display());
+    let report = json(&command);
+    let ways: Vec<&str> = rows(&report).iter().map(|row| row["way"].as_str().unwrap()).collect();
+    assert_eq!(ways, ["direct", "grid", "tiles", "auto"]);
+    let [direct, grid, tiles, auto] = [0, 1, 2, 3].map(|i| &rows(&report)[i]);
+    // The report's own figures, its table's first row.
+    assert_eq!((&direct["report_ms"], &grid["report_ms"]), (&13.0.into(), &Value::Null), "2000 photons are not there");
+    assert_eq!((&grid["grid"], &tiles["tile"]), (&"60x40x40".into(), &"80x80".into()));
+    assert!(tiles["build_ms"].as_f64() > Some(0.0) && grid["build_ms"].as_f64() == Some(0.0));
+    assert!(auto["rel_mse"].as_f64() <= grid["rel_mse"].as_f64() && auto["radius_m"].as_f64() > Some(0.0));
+    for name in ["report.csv", "report.json", "report-gi_ref-2k.svg", "report-gi_ref-2k.png"] {
+        assert!(out.join(name).metadata().unwrap().len() > 100, "{name}");
+    }
+
+    // An earlier run's rows stay, what is missing is measured.
+    let saved = out.join("report.json");
+    let mut left: Value = serde_json::from_slice(&std::fs::read(&saved).unwrap()).unwrap();
+    left["rows"].as_array_mut().unwrap().truncate(2);
+    left["rows"][1]["frame_ms"] = 123.5.into();
+    std::fs::write(&saved, left.to_string()).unwrap();
+    let again = json(&command);
+    assert_eq!((rows(&again).len(), &rows(&again)[1]["frame_ms"]), (4, &123.5.into()));
+
+    // Another run's, or no run's, are not mixed with these.
+    for (text, expected) in [
+        (left.to_string().replace("\"rounds\":1,\"samples\"", "\"rounds\":9,\"samples\""), "other settings"),
+        (left.to_string().replace("\"version\":\"", "\"version\":\"9."), "another machine's"),
+        ("{}".to_string(), "no rows of this suite"),
+    ] {
+        std::fs::write(&saved, text).unwrap();
+        let output = photile(&command);
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{errors}");
+        assert!(errors.contains(expected) && errors.contains("report.json"), "{errors}");
+    }
+}
+
+#[test]
 fn wrong_usage_is_told_and_ends_with_2() {
     for (arguments, expected) in [
         ("bench nowhere", "neither a file nor one of gi_ref"),
@@ -109,6 +150,8 @@ fn wrong_usage_is_told_and_ends_with_2() {
         ("bench gi_ref --suite radius --size 8x8", "--size asks for 8x8"),
         ("bench --suite speediest", "speediest"),
         ("bench --photons 0", "expected a number of photons"),
+        ("bench --suite report --radii 0.5", "has the report's"),
+        ("bench --suite report --size 64x64", "expected one of the report's"),
     ] {
         let output = photile(arguments);
         let errors = String::from_utf8_lossy(&output.stderr);

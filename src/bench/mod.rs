@@ -3,6 +3,8 @@
 //! A suite is a file here with a function from [`Options`] to a [`Report`], and a line in [`Suite`].
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use serde::Serialize;
 
@@ -16,6 +18,7 @@ mod gather;
 mod machine;
 pub mod plot;
 mod radius;
+mod report;
 pub mod scenes;
 mod speed;
 pub mod table;
@@ -35,6 +38,8 @@ pub enum Suite {
     Radius,
     /// Candidates tested for each photon accepted.
     Gather,
+    /// The experiments of the 2016 report, beside its own figures.
+    Report,
 }
 
 impl Suite {
@@ -44,6 +49,7 @@ impl Suite {
             Suite::Speed => "speed",
             Suite::Radius => "radius",
             Suite::Gather => "gather",
+            Suite::Report => "report",
         }
     }
 
@@ -51,7 +57,7 @@ impl Suite {
     pub fn scenes(self) -> &'static [&'static str] {
         match self {
             Suite::Speed => &["gi_ref", "sphere_and_plane", "box"],
-            Suite::Radius | Suite::Gather => &["gi_ref", "sphere_and_plane"],
+            Suite::Radius | Suite::Gather | Suite::Report => &["gi_ref", "sphere_and_plane"],
         }
     }
 
@@ -66,6 +72,7 @@ impl Suite {
             Suite::Speed => speed::run(options, progress)?,
             Suite::Radius => radius::run(options, progress)?,
             Suite::Gather => gather::run(options, progress)?,
+            Suite::Report => report::run(options, &machine, progress)?,
         };
         machine.finish();
         let Measured { settings, rows, summaries, charts } = measured;
@@ -98,6 +105,10 @@ pub struct Options {
     pub reference: Option<PathBuf>,
     /// Small numbers: seconds, to see that all works.
     pub quick: bool,
+    /// Where a suite of many minutes saves each row, and finds those that an earlier run saved.
+    pub directory: Option<PathBuf>,
+    /// Set from outside: such a suite ends after the row at hand.
+    pub stop: Arc<AtomicBool>,
 }
 
 impl Options {

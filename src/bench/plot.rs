@@ -16,7 +16,7 @@ use crate::film::write_beside;
 const SIZE: (u32, u32) = (960, 600);
 
 /// Dark enough on white, and apart for colour-blind eyes too (Okabe & Ito 2008).
-const COLORS: [RGBColor; 7] = [
+const COLORS: [RGBColor; 9] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
     RGBColor(0, 158, 115),
@@ -24,7 +24,15 @@ const COLORS: [RGBColor; 7] = [
     RGBColor(230, 159, 0),
     RGBColor(86, 180, 233),
     RGBColor(0, 0, 0),
+    RGBColor(95, 95, 95),
+    RGBColor(165, 165, 165),
 ];
+
+/// Curves from which on the legend stands beside the axes rather than in their corner.
+const MANY: usize = 6;
+
+/// Pixels that it takes there.
+const BESIDE: u32 = 210;
 
 /// A line through points.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,6 +43,24 @@ pub struct Curve {
     pub points: Vec<(f64, f64)>,
     /// Number of a point that is to stand out.
     pub marked: Option<usize>,
+    /// Colour and dashes.
+    pub look: Look,
+}
+
+/// How a curve is drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Look {
+    /// Number of a colour; `None`: the next one.
+    pub color: Option<usize>,
+    /// Length of dashes, pixels; 0: a line without gaps.
+    pub dash: u32,
+}
+
+impl Look {
+    /// Number of a light grey, for what is there to compare with.
+    pub const GREY: usize = COLORS.len() - 1;
+    /// Of a darker one.
+    pub const DARK_GREY: usize = COLORS.len() - 2;
 }
 
 /// Curves on common axes.
@@ -87,7 +113,9 @@ impl Chart {
     ) -> std::result::Result<(), DrawingAreaErrorKind<B::ErrorType>> {
         set_font();
         area.fill(&WHITE)?;
-        let mut chart = ChartBuilder::on(area)
+        let beside = self.curves.len() >= MANY;
+        let (axes, legend) = area.split_horizontally(SIZE.0 - if beside { BESIDE } else { 0 });
+        let mut chart = ChartBuilder::on(&axes)
             .caption(&self.title, ("sans-serif", 18))
             .margin(16)
             .x_label_area_size(48)
@@ -102,24 +130,55 @@ impl Chart {
             .light_line_style(BLACK.mix(0.06))
             .bold_line_style(BLACK.mix(0.15))
             .draw()?;
-        for (curve, color) in self.curves.iter().zip(COLORS.iter().cycle()) {
+        for (number, curve) in self.curves.iter().enumerate() {
+            let color = COLORS[curve.look.color.unwrap_or(number) % COLORS.len()];
+            let line = color.stroke_width(2);
             let points: Vec<(f64, f64)> = curve.points.iter().copied().filter(is_drawable).collect();
-            chart
-                .draw_series(LineSeries::new(points.iter().copied(), color.stroke_width(2)))?
-                .label(&curve.name)
-                .legend(move |(x, y)| PathElement::new([(x, y), (x + 20, y)], color.stroke_width(2)));
+            let drawn = match curve.look.dash {
+                0 => chart.draw_series(LineSeries::new(points.iter().copied(), line))?,
+                dash => chart.draw_series(DashedLineSeries::new(points.iter().copied(), dash, dash, line))?,
+            };
+            if !beside {
+                drawn
+                    .label(&curve.name)
+                    .legend(move |(x, y)| PathElement::new([(x, y), (x + 20, y)], color.stroke_width(2)));
+            }
             chart.draw_series(points.iter().map(|p| Circle::new(*p, 3, color.filled())))?;
             let marked = curve.marked.and_then(|place| curve.points.get(place)).filter(|p| is_drawable(p));
             chart.draw_series(marked.map(|p| Circle::new(*p, 8, color.stroke_width(2))))?;
         }
-        chart
-            .configure_series_labels()
-            .position(SeriesLabelPosition::UpperRight)
-            .background_style(WHITE.mix(0.85))
-            .border_style(BLACK.mix(0.3))
-            .label_font(("sans-serif", 14))
-            .draw()?;
+        if beside {
+            self.draw_legend(&legend)?;
+        } else {
+            chart
+                .configure_series_labels()
+                .position(SeriesLabelPosition::UpperRight)
+                .background_style(WHITE.mix(0.85))
+                .border_style(BLACK.mix(0.3))
+                .label_font(("sans-serif", 14))
+                .draw()?;
+        }
         area.present()
+    }
+
+    /// A line and a name each, below one another.
+    fn draw_legend<B: DrawingBackend>(
+        &self,
+        area: &DrawingArea<B, Shift>,
+    ) -> std::result::Result<(), DrawingAreaErrorKind<B::ErrorType>> {
+        for (number, curve) in self.curves.iter().enumerate() {
+            let color = COLORS[curve.look.color.unwrap_or(number) % COLORS.len()];
+            let y = 60 + 24 * number as i32;
+            let (dash, end) = (curve.look.dash as i32, 34);
+            let step = if dash == 0 { end } else { 2 * dash };
+            for x in (0..end).step_by(step as usize) {
+                let stop = if dash == 0 { end } else { (x + dash).min(end) };
+                area.draw(&PathElement::new([(x, y), (stop, y)], color.stroke_width(2)))?;
+            }
+            area.draw(&Circle::new((end / 2, y), 3, color.filled()))?;
+            area.draw(&Text::new(curve.name.as_str(), (end + 8, y - 7), ("sans-serif", 14)))?;
+        }
+        Ok(())
     }
 
     /// From the least to the largest, with air on both ends.
@@ -190,7 +249,7 @@ mod tests {
     use super::*;
 
     fn chart(points: Vec<(f64, f64)>) -> Chart {
-        let curve = Curve { name: "a & b".into(), points, marked: Some(1) };
+        let curve = Curve { name: "a & b".into(), points, marked: Some(1), look: Look::default() };
         Chart { title: "T".into(), x: "x, m".into(), y: "y".into(), curves: vec![curve] }
     }
 

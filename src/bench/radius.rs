@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::plot::{Chart, Curve};
+use super::plot::{Chart, Curve, Look};
 use super::table::{Table, Value};
 use super::{Measured, Options, Progress, Steps};
 use crate::error::{Error, Result};
@@ -72,6 +72,7 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Meas
                 name: format!("{}, {paths} paths", scene.name),
                 points: points.iter().map(|p| (p.factor.into(), p.rmse)).collect(),
                 marked: points.iter().position(|p| p.factor == 1.0),
+                look: Look::default(),
             });
             let mut row: Vec<Value> = vec![scene.name.as_str().into(), (*paths).into()];
             row.extend([auto.radius.into(), best.radius.into(), (auto.rmse / best.rmse).into()]);

@@ -54,6 +54,21 @@ impl From<bool> for Value {
     }
 }
 
+/// A field of a row that was read from a file.
+impl From<&serde_json::Value> for Value {
+    fn from(json: &serde_json::Value) -> Self {
+        match json {
+            serde_json::Value::String(text) => Value::Text(text.clone()),
+            serde_json::Value::Bool(flag) => Value::Flag(*flag),
+            serde_json::Value::Number(number) => match number.as_u64() {
+                Some(count) => Value::Count(count),
+                None => number.as_f64().into(),
+            },
+            _ => Value::Missing,
+        }
+    }
+}
+
 impl<T: Into<Value>> From<Option<T>> for Value {
     fn from(value: Option<T>) -> Self {
         value.map_or(Value::Missing, T::into)

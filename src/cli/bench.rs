@@ -2,12 +2,14 @@
 
 use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::options::{BackendArg, Size, parse_count, parse_radius};
-use super::print_json;
+use super::{print_json, stop_on_interrupt};
 use crate::bench::{Options, Progress, Suite, make_directory, scenes};
 use crate::error::{Error, Result};
 use crate::film::check_directory;
@@ -71,6 +73,8 @@ enum SuiteArg {
     Radius,
     /// Candidates tested for each photon accepted
     Gather,
+    /// The experiments of the 2016 report beside its own figures; with -o, rows measured before are kept
+    Report,
 }
 
 impl From<SuiteArg> for Suite {
@@ -79,6 +83,7 @@ impl From<SuiteArg> for Suite {
             SuiteArg::Speed => Suite::Speed,
             SuiteArg::Radius => Suite::Radius,
             SuiteArg::Gather => Suite::Gather,
+            SuiteArg::Report => Suite::Report,
         }
     }
 }
@@ -101,6 +106,8 @@ pub fn run(args: &Args) -> Result<()> {
         seeds: args.seeds,
         reference: args.reference.clone(),
         quick: args.quick,
+        directory: args.output.clone(),
+        stop: if suite == Suite::Report { stop_on_interrupt("row") } else { Arc::default() },
     };
     // What cannot be written should be known before minutes are spent.
     if let Some(csv) = &args.csv {
@@ -136,7 +143,11 @@ pub fn run(args: &Args) -> Result<()> {
             super::notice(&format!("wrote {}", path.display()));
         }
     }
-    Ok(())
+    match options.stop.load(Ordering::Relaxed) {
+        // Not what was asked for: a script must not take it for that.
+        true => Err(Error::Failed("interrupted; the same command goes on where -o has saved its rows".into())),
+        false => Ok(()),
+    }
 }
 
 /// A scene file, or the built-in scene of that name where there is no such file.

@@ -10,6 +10,9 @@ mod render;
 mod stress;
 mod validate;
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use clap::{Parser, Subcommand};
 
 use crate::error::Result;
@@ -59,4 +62,20 @@ fn print_json(value: &impl serde::Serialize) {
 /// A line for the user on stderr.
 fn notice(line: &str) {
     eprintln!("photile: {line}");
+}
+
+/// A flag that the first Ctrl-C sets, for work that stops after the `part` at hand; the second one ends the program.
+fn stop_on_interrupt(part: &'static str) -> Arc<AtomicBool> {
+    let flag = Arc::new(AtomicBool::new(false));
+    let seen = flag.clone();
+    let installed = ctrlc::set_handler(move || {
+        if seen.swap(true, Ordering::Relaxed) {
+            std::process::exit(130); // 128 + SIGINT, as a shell reports it
+        }
+        notice(&format!("stopping after this {part}; Ctrl-C again ends at once"));
+    });
+    if let Err(e) = installed {
+        notice(&format!("Ctrl-C will not save what is done: {e}"));
+    }
+    flag
 }

@@ -254,6 +254,7 @@ impl RenderOptions {
                 radius: self.radius.or(scene.render.radius.map(|r| r as f32)),
                 nearest: self.k,
                 cells: self.grid,
+                lattice: None,
                 tile: self.tile.map(|tile| [tile.width, tile.height]),
             },
             ..default

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::options::Size;
-use super::{notice, print_json};
+use super::{notice, print_json, stop_on_interrupt};
 use crate::error::{Error, Result};
 use crate::film::{Format, check_directory, check_output};
 use crate::reference::{self, Accumulator, Progress, Reference, ReferenceLight, ReferenceSettings};
@@ -219,7 +219,7 @@ impl<'a> Watch<'a> {
         Self {
             checkpoint: args.checkpoint.as_deref(),
             bar: progress_bar(settings),
-            interrupted: stop_on_interrupt(),
+            interrupted: stop_on_interrupt("sample of all pixels"),
             began: now,
             saved: now,
             told: now,
@@ -282,22 +282,6 @@ impl<'a> Watch<'a> {
             self.told = Instant::now();
         }
     }
-}
-
-/// A flag that the first Ctrl-C sets; the second one ends the program as usual.
-fn stop_on_interrupt() -> Arc<AtomicBool> {
-    let flag = Arc::new(AtomicBool::new(false));
-    let seen = flag.clone();
-    let installed = ctrlc::set_handler(move || {
-        if seen.swap(true, Ordering::Relaxed) {
-            std::process::exit(130); // 128 + SIGINT, as a shell reports it
-        }
-        notice("stopping after this sample of all pixels; Ctrl-C again ends at once");
-    });
-    if let Err(e) = installed {
-        notice(&format!("Ctrl-C will not save what is done: {e}"));
-    }
-    flag
 }
 
 /// Samples or milliseconds on stderr, whichever limit was set; hidden where stderr is not a terminal.

@@ -120,9 +120,7 @@ pub fn enter(plan: &Plan, frame: &Frame, p: Vec3, face: usize, mut visit: impl F
             let Some(region) = regions.iter().find(|r| r.face as usize == face) else { continue };
             let [low, high] = [region.low, region.high].map(Vec3::from);
             let gap = (low - p).max(p - high).max(Vec3::ZERO);
-            let size = low.x.abs() + low.y.abs() + low.z.abs() + high.x.abs() + high.y.abs() + high.z.abs();
-            let margin = radius * 1.0005 + 5e-6 * size;
-            if gap.dot(gap) <= margin * margin {
+            if gap.dot(gap) <= region.margin2 {
                 visit(number, region);
             }
         }

@@ -92,6 +92,8 @@ pub struct TileStage {
     /// Slots of a strip: grows with the scene.
     slots: usize,
     counts: Buffer<u32>,
+    /// Where each photon's disc is on the screen (`SPAN_WORDS`).
+    spans: Buffer<[u32; 3]>,
     pair_photons: Buffer<u32>,
     tiles: Tiles,
 }
@@ -102,11 +104,13 @@ impl TileStage {
     /// # Errors
     /// [`crate::error::Error::Build`] when the driver refuses a kernel.
     pub fn new(context: &Context) -> Result<TileStage> {
+        let lanes = Options { lanes: context.device.lanes, ..Options::default() };
+        let counting = assemble("tiles.cl", None, &lanes);
         let source = assemble("tiles.cl", None, &Options::default());
         let grid = assemble("grid.cl", None, &Options::default());
         Ok(TileStage {
             seen_kernel: None,
-            count: context.kernel(&source, "tiles_count")?,
+            count: context.kernel(&counting, "tiles_count")?,
             fill: context.kernel(&source, "tiles_fill")?,
             photons: context.kernel(&source, "tiles_photons")?,
             starts: context.kernel(&grid, "grid_starts")?,
@@ -119,6 +123,7 @@ impl TileStage {
             seen_counts: Buffer::new(context, 0)?,
             slots: 8,
             counts: Buffer::new(context, 0)?,
+            spans: Buffer::new(context, 0)?,
             pair_photons: Buffer::new(context, 0)?,
             tiles: Tiles::empty(context)?,
         })
@@ -235,6 +240,7 @@ impl TileStage {
         // How many regions each run of photons enters, and in all.
         let (items, per_item) = share(context, photons.count);
         fit(context, &mut self.counts, items)?;
+        fit(context, &mut self.spans, photons.count)?;
         let common: [Arg; 7] = [
             (&self.frame).into(),
             (&tiles.gather).into(),
@@ -245,7 +251,7 @@ impl TileStage {
             (plan.size[1] as i32).into(),
         ];
         let run: [Arg; 2] = [(photons.count as i32).into(), (per_item as i32).into()];
-        let args = [&common[..], &[(&self.counts).into(), run[0], run[1]]].concat();
+        let args = [&common[..], &[(&self.counts).into(), run[0], run[1], (&self.spans).into()]].concat();
         context.launch(&self.count, &args, &[items], None)?;
         let mut counts = vec![0u32; items];
         self.counts.read(context, &mut counts)?;
@@ -259,8 +265,9 @@ impl TileStage {
         fit(context, &mut self.pair_photons, pairs)?;
         fit(context, &mut tiles.tile_photons, pairs.next_multiple_of(TEXEL))?;
         self.sort.reserve(context, pairs)?;
-        let places: [Arg; 5] =
-            [(&self.counts).into(), run[0], run[1], (&self.sort.keys[0]).into(), (&self.pair_photons).into()];
+        let spans = (&self.spans).into();
+        let places: [Arg; 6] =
+            [(&self.counts).into(), run[0], run[1], spans, (&self.sort.keys[0]).into(), (&self.pair_photons).into()];
         context.launch(&self.fill, &[&common[..], &places].concat(), &[items], None)?;
         let sorted = self.sort.sort(context, pairs, plan.cells)?;
         let (items, per_item) = share(context, pairs);
@@ -289,6 +296,7 @@ impl TileStage {
             + self.seen.bytes()
             + self.seen_counts.bytes()
             + self.counts.bytes()
+            + self.spans.bytes()
             + self.pair_photons.bytes()
     }
 }
