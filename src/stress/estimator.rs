@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::exact::ulp;
 use super::{Bench, Fault, Found, Row, Spread, Suite};
-use crate::bench::plot::{Chart, Curve};
+use crate::bench::plot::{Chart, Curve, Look};
 use crate::cells::{CellSize, Form, plan};
 use crate::cl::Buffer;
 use crate::cpu;
@@ -125,8 +125,8 @@ fn map(photons: impl ParallelIterator<Item = ([f32; 2], f32)>) -> PhotonTables {
 
 /// Sums of few terms: half an ulp a term, and the weights' own rounding.
 const FEW: f64 = 4e-6;
-/// Sums of very many: what their noise of 1/√n would hide is this at 10⁷.
-const MANY: f64 = 3e-4;
+/// Sums of very many: a third of their own noise of 1/√n at 10⁷.
+const MANY: f64 = 1e-4;
 
 fn cases(bench: &Bench) -> Vec<Case> {
     let size = bench.options.by_size((16, 12), (32, 24), (64, 48));
@@ -226,7 +226,12 @@ pub(super) fn run(bench: &mut Bench) -> Result<Found> {
                 let curve = match curves.iter_mut().position(|curve| curve.name == backend.name()) {
                     Some(place) => &mut curves[place],
                     None => {
-                        curves.push(Curve { name: backend.name().into(), points: Vec::new(), marked: None });
+                        curves.push(Curve {
+                            name: backend.name().into(),
+                            points: Vec::new(),
+                            marked: None,
+                            look: Look::default(),
+                        });
                         curves.last_mut().expect("just pushed")
                     }
                 };

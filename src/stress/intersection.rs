@@ -10,7 +10,7 @@ use glam::{DVec3, Vec3};
 use super::exact::{Meeting, plane, sphere, ulp};
 use super::lab::{Answer, Task};
 use super::{Bench, Fault, Found, Row, Spread, Suite};
-use crate::bench::plot::{Chart, Curve};
+use crate::bench::plot::{Chart, Curve, Look};
 use crate::cpu::intersect::{INFINITE, hit_plane, hit_sphere};
 use crate::cpu::random::{hash2_u, unit_real};
 use crate::cpu::scene::{Hit, SceneTables};
@@ -400,5 +400,10 @@ fn curve(name: &str, cases: &[Case], exact: &[Meeting], answers: &[Answer]) -> C
         }
     }
     let points = worst.iter().enumerate().map(|(bin, worst)| (10f64.powf((bin as f64 + 0.5) / 4.0), *worst));
-    Curve { name: name.into(), points: points.filter(|(_, worst)| *worst > 0.0).collect(), marked: None }
+    Curve {
+        name: name.into(),
+        points: points.filter(|(_, worst)| *worst > 0.0).collect(),
+        marked: None,
+        look: Look::default(),
+    }
 }

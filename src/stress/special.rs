@@ -108,13 +108,13 @@ enum End {
 }
 
 pub(super) fn run(bench: &mut Bench) -> Result<Found> {
-    let (width, height) = bench.options.by_size((16, 12), (24, 18), (96, 72));
+    let (width, height) = bench.options.by_size((16, 12), (16, 12), (64, 48));
     let modes: &[LightMode] = bench.options.by_size(
         &[LightMode::Hybrid],
         &[LightMode::Hybrid, LightMode::Photons],
         &[LightMode::Hybrid, LightMode::Photons, LightMode::Direct],
     );
-    let every = bench.options.by_size(7, 1, 1);
+    let every = bench.options.by_size(11, 3, 1);
     let mut found = Found::default();
     for backend in bench.backends() {
         let mut pipeline = bench.pipeline(backend)?;
@@ -123,7 +123,7 @@ pub(super) fn run(bench: &mut Bench) -> Result<Found> {
             for light in modes {
                 bench.step(&format!("special: {name}, {}", backend.name()));
                 let mut settings = Settings { width, height, light: *light, ..Settings::default() };
-                settings.photons.amount = Amount::Paths(bench.options.by_size(500, 2_000, 20_000));
+                settings.photons.amount = Amount::Paths(bench.options.by_size(500, 1_000, 10_000));
                 settings.gather.radius = parts.radius;
                 let end = match parse(&text(&parts), name) {
                     Err(_) => End::Refused,

@@ -93,8 +93,9 @@ impl GlTrace {
         let mut candidates = 0;
         if photons {
             let across = cells_across(self.photons.gather());
-            fixed += across * (across + 1);
+            fixed += across * (2 * across + 1);
             candidates = self.photons.most_candidates;
+            candidates += candidates / 256; // blocks of sums
         }
         let knn = self.active.and_then(|a| a.gathering).is_some_and(|g| g.method == Method::Knn);
         if knn {
