@@ -5,11 +5,6 @@
 #include "layout"
 #include "shared/cell.glsl"
 
-// A photon's face, see cell.glsl.
-int face_of(int i, __global const float *photon_surfaces) {
-    return 2 * (int)photon_object_scalar(i) + (photon_side_scalar(i) < 0.0f ? 1 : 0);
-}
-
 // Floats as ints that compare alike, and back: OpenCL 1.2 has no atomics on floats.
 int ordered(float x) {
     int i = as_int(x);
@@ -17,12 +12,12 @@ int ordered(float x) {
 }
 
 // Widens bounds[face], as lowest x, y, z and highest x, y, z of ordered ints.
-__kernel void grid_bounds(__global const float *photon_positions, __global const float *photon_surfaces,
+__kernel void grid_bounds(__global const float *photon_positions, __global const float *photon_faces,
                           __global volatile int *bounds, int count, int per_item) {
     int first = (int)get_global_id(0) * per_item;
     int end = min(first + per_item, count);
     for (int i = first; i < end; i++) {
-        __global volatile int *own = bounds + 6 * face_of(i, photon_surfaces);
+        __global volatile int *own = bounds + 6 * (int)photon_face(i);
         float3 p = photon_position_scalar(i);
         int x = ordered(p.x), y = ordered(p.y), z = ordered(p.z);
         // Looking first spares nearly all atomics; a stale value costs one more of them, never a wrong bound.
@@ -36,13 +31,13 @@ __kernel void grid_bounds(__global const float *photon_positions, __global const
 }
 
 // Number of each photon's cell.
-__kernel void grid_keys(__global const float *photon_positions, __global const float *photon_surfaces,
+__kernel void grid_keys(__global const float *photon_positions, __global const float *photon_faces,
                         __global const float *faces, __global const float *gather, __global uint *keys,
                         int count, int per_item) {
     int first = (int)get_global_id(0) * per_item;
     int end = min(first + per_item, count);
     for (int i = first; i < end; i++) {
-        int face = face_of(i, photon_surfaces);
+        int face = (int)photon_face(i);
         float flipped = face_flipped_scalar(face);
         float3 inverse = grid_axes(gather_inverse_cell_scalar(), flipped);
         float3 p = grid_axes(photon_position_scalar(i), flipped) - face_origin_scalar(face);
@@ -76,19 +71,26 @@ __kernel void grid_reorder(__global const uint *order, __global const float *fro
     for (int i = first; i < end; i++) vstore3(vload3(order[i], from), i, to);
 }
 
+// The other way: to[order[i]] = from[i]. Undoes grid_reorder.
+__kernel void grid_restore(__global const uint *order, __global const float *from, __global float *to, int count,
+                           int per_item) {
+    int first = (int)get_global_id(0) * per_item;
+    int end = min(first + per_item, count);
+    for (int i = first; i < end; i++) vstore3(vload3(i, from), order[i], to);
+}
+
 #ifdef GRID_HASHED
-// The row of each sorted photon: face, v, w. Rows that share buckets are told apart by it.
+// The row of each sorted photon: face, v, w. Positions are sorted already, faces are not. Rows that share buckets are told apart by it.
 __kernel void grid_rows(__global const uint *order, __global const float *photon_positions,
-                        __global const float *photon_surfaces, __global const float *faces,
+                        __global const float *photon_faces, __global const float *faces,
                         __global const float *gather, __global float *photon_cells, int count, int per_item) {
     int first = (int)get_global_id(0) * per_item;
     int end = min(first + per_item, count);
     for (int i = first; i < end; i++) {
-        int from = order[i];
-        int face = face_of(from, photon_surfaces);
+        int face = (int)photon_face(order[i]);
         float flipped = face_flipped_scalar(face);
         float3 inverse = grid_axes(gather_inverse_cell_scalar(), flipped);
-        float3 p = grid_axes(photon_position_scalar(from), flipped) - face_origin_scalar(face);
+        float3 p = grid_axes(photon_position_scalar(i), flipped) - face_origin_scalar(face);
         vstore3((float3)(face, cell_along(p.y, inverse.y), cell_along(p.z, inverse.z)), i, photon_cells);
     }
 }

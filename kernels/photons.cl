@@ -85,13 +85,16 @@ __kernel void photons_last(WALK_PARAMS, uint wanted, __global uint *last_path) {
     *last_path = number;
 }
 
+// The side of the object that a photon lands on: 2·object + (0 | 1).
+INLINE Real face_of(Surface surface) { return to_real(surface.object) * 2.0f + pick(surface.side < 0.0f, 1.0f, 0.0f); }
+
 // What a photon leaves in the map, a table a property.
 #ifdef HAS_GLOSSY
-#define MAP_PARAMS __global float *positions, __global float *powers, __global float *surfaces, __global float *directions
-#define MAP positions, powers, surfaces, directions
+#define MAP_PARAMS __global float *positions, __global float *powers, __global float *faces, __global float *directions
+#define MAP positions, powers, faces, directions
 #else
-#define MAP_PARAMS __global float *positions, __global float *powers, __global float *surfaces
-#define MAP positions, powers, surfaces
+#define MAP_PARAMS __global float *positions, __global float *powers, __global float *faces
+#define MAP positions, powers, faces
 #endif
 
 #if LANES == 1
@@ -99,7 +102,7 @@ void store_photon(Bool stored, Uint slot, Photon photon, Surface surface, MAP_PA
     if (!stored) return;
     vstore3(surface.position, slot, positions);
     vstore3(photon.throughput * photon.power, slot, powers);
-    vstore3((float3)(to_real(surface.object), surface.side, to_real(photon.bounce)), slot, surfaces);
+    faces[slot] = face_of(surface);
 #ifdef HAS_GLOSSY
     vstore3(-photon.direction, slot, directions);
 #endif
@@ -122,12 +125,12 @@ INLINE void write3(__global float *table, uint slot, const float *fields, uint l
 INLINE void store_photon(Bool stored, Uint slot, Photon photon, Surface surface, MAP_PARAMS) {
     uint slots[LANES];
     int masks[LANES];
-    float position[3 * LANES], power[3 * LANES], where[3 * LANES];
+    float position[3 * LANES], power[3 * LANES], face[LANES];
     CONCAT(vstore, LANES)(slot, 0, slots);
     CONCAT(vstore, LANES)(stored, 0, masks);
     spill3(position, surface.position);
     spill3(power, scale3(photon.throughput, photon.power));
-    spill3(where, make3(to_real(surface.object), surface.side, to_real(photon.bounce)));
+    CONCAT(vstore, LANES)(face_of(surface), 0, face);
 #ifdef HAS_GLOSSY
     float direction[3 * LANES];
     spill3(direction, negate3(photon.direction));
@@ -136,7 +139,7 @@ INLINE void store_photon(Bool stored, Uint slot, Photon photon, Surface surface,
         if (!masks[lane]) continue;
         write3(positions, slots[lane], position, lane);
         write3(powers, slots[lane], power, lane);
-        write3(surfaces, slots[lane], where, lane);
+        faces[slots[lane]] = face[lane];
 #ifdef HAS_GLOSSY
         write3(directions, slots[lane], direction, lane);
 #endif

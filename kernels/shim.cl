@@ -229,16 +229,16 @@ void store_block(__global float *film, int column, int row, int width, int heigh
 #define PHOTON_PARAMS __global const float *gather, __global const float *tiles, __global const float *regions, \
     __global const float *cell_starts, __global const float *tile_photons, \
     __global const float *photon_positions, __global const float *photon_powers, \
-    __global const float *photon_surfaces, __global const float *photon_directions,
+    __global const float *photon_faces, __global const float *photon_directions,
 #define PHOTONS gather, tiles, regions, cell_starts, tile_photons, \
-    photon_positions, photon_powers, photon_surfaces, photon_directions,
+    photon_positions, photon_powers, photon_faces, photon_directions,
 #elif defined(HAS_PHOTONS)
 #define PHOTON_PARAMS __global const float *gather, __global const float *faces, \
     __global const float *cell_starts, __global const float *photon_cells, \
     __global const float *photon_positions, __global const float *photon_powers, \
-    __global const float *photon_surfaces, __global const float *photon_directions,
+    __global const float *photon_faces, __global const float *photon_directions,
 #define PHOTONS gather, faces, cell_starts, photon_cells, \
-    photon_positions, photon_powers, photon_surfaces, photon_directions,
+    photon_positions, photon_powers, photon_faces, photon_directions,
 #else
 #define PHOTON_PARAMS
 #define PHOTONS

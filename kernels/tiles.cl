@@ -178,13 +178,10 @@ INLINE int region_of(int tile, float face, float3 p, __global const float *tiles
     return -1;
 }
 
-// A photon's face, see cell.glsl.
-#define PHOTON_FACE(i) (2.0f * photon_object_scalar(i) + (photon_side_scalar(i) < 0.0f ? 1.0f : 0.0f))
-
 // counts[work-item]: pairs of a run of neighbouring photons; spans[photon]: where they are.
 __kernel void tiles_count(__global const float *frame, __global const float *gather, __global const float *tiles,
                           __global const float *regions, __global const float *photon_positions,
-                          __global const float *photon_surfaces, int tiles_down, __global uint *counts, int count,
+                          __global const float *photon_faces, int tiles_down, __global uint *counts, int count,
                           int per_item, __global uint *spans) {
     int item = get_global_id(0);
     int end = min((item + 1) * per_item, count);
@@ -198,7 +195,7 @@ __kernel void tiles_count(__global const float *frame, __global const float *gat
             uint own = 0u, mask = 0u;
             if (size > 0) {
                 float3 p = photon_position_scalar(i);
-                float face = PHOTON_FACE(i);
+                float face = photon_face(i);
                 int tile = top[lane] * tiles_across + left[lane];
                 for (int t = 0, column = 0; t < size; t++) {
                     if (region_of(tile, face, p, tiles, regions) >= 0) {
@@ -225,7 +222,7 @@ __kernel void tiles_count(__global const float *frame, __global const float *gat
 // The pairs themselves; places are the scanned counts.
 __kernel void tiles_fill(__global const float *frame, __global const float *gather, __global const float *tiles,
                          __global const float *regions, __global const float *photon_positions,
-                         __global const float *photon_surfaces, int tiles_down, __global const uint *places,
+                         __global const float *photon_faces, int tiles_down, __global const uint *places,
                          int count, int per_item, __global const uint *spans, __global uint *keys,
                          __global uint *photons) {
     int item = get_global_id(0);
@@ -237,7 +234,7 @@ __kernel void tiles_fill(__global const float *frame, __global const float *gath
         int width = span.y & 0xffffu, size = width * (int)(span.y >> 16);
         if (size == 0) continue;
         float3 p = photon_position_scalar(i);
-        float face = PHOTON_FACE(i);
+        float face = photon_face(i);
         int tile = (int)(span.x >> 16) * tiles_across + (int)(span.x & 0xffffu);
         for (int t = 0, column = 0; t < size; t++) {
             int r = t >= SPAN_BITS || (span.z >> t & 1u) ? region_of(tile, face, p, tiles, regions) : -1;

@@ -3,6 +3,7 @@
 
 use crate::error::{Error, Result};
 use crate::layout::{Face, Gather, MAX_EXACT_INDEX, Object, PLANE};
+use crate::memory::table_entries;
 
 /// Cells per radius, along each axis, where a work-item's lanes gather together. Measured on a closed room at 200k
 /// photons: candidates per accepted photon are 1.22 at R/6, 1.34 at R/4, 1.70 at R/2, 2.55 at R, 4.6 at 2R for one
@@ -78,7 +79,7 @@ pub enum Form {
     Auto,
     /// Every face's box filled with cells.
     Dense,
-    /// A table of this many buckets, a power of two; `None`: twice the photons.
+    /// A table of this many buckets, a power of two; `None`: as many as are affordable.
     Hashed(Option<u32>),
 }
 
@@ -183,8 +184,8 @@ pub fn plan(
         record.base = base as f32;
         base += record.counts.iter().map(|c| f64::from(*c)).product::<f64>();
     }
-    // The table's entries are floats, three of which make a photon's texel: four a photon is 16 bytes of its 36.
-    let affordable = (4 * photons).max(1 << 16) as f64;
+    let glossy = objects.iter().any(|object| object.specular > 0.0);
+    let affordable = table_entries(glossy, photons) as f64;
     let countable = (MAX_EXACT_INDEX - 1) as f64;
     let hashed = match form {
         Form::Auto => base > affordable.min(countable),
@@ -204,7 +205,8 @@ pub fn plan(
                 assert!(buckets.is_power_of_two(), "{buckets} buckets are no power of two");
                 buckets as usize
             }
-            _ => (2 * photons).next_power_of_two().clamp(64, 1 << 23),
+            // The largest power of two that is.
+            _ => ((affordable as usize + 1).next_power_of_two() / 2).clamp(64, 1 << 23),
         };
         for face in &mut faces {
             *face = Face { flipped: face.flipped, ..Face::default() };

@@ -2,8 +2,7 @@
 
 use glam::Vec3;
 
-use crate::cells::{self, CellSize, Form};
-use crate::cpu::grid::{PhotonTables, face_of, grid_bounds};
+use crate::cells::{self, Bounds, CellSize, Form};
 use crate::cpu::scene::SceneTables;
 use crate::layout::{Frame, PLANE};
 use crate::radius::visible_points;
@@ -106,10 +105,11 @@ pub fn estimates(scene: &SceneTables, frame: &Frame, sample: &Sample, question: 
     let pixels = f64::from(frame.width * frame.height * frame.samples.max(1.0));
     // Shares of the picture: all of it, for sums over points.
     let each = pixels / crate::radius::RASTER as f64;
-    let faces: Vec<usize> = sample.surfaces.iter().map(face_of).collect();
+    let faces = &sample.faces;
     let within = |point: Vec3, face: usize, reach: f32| {
         let near = |i: &usize| {
-            faces[*i] == face && Vec3::from(sample.positions[*i].position).distance_squared(point) < reach * reach
+            faces[*i] as usize == face
+                && Vec3::from(sample.positions[*i].position).distance_squared(point) < reach * reach
         };
         (0..faces.len()).filter(near).count() as f64 * scale
     };
@@ -166,8 +166,10 @@ pub fn estimates(scene: &SceneTables, frame: &Frame, sample: &Sample, question: 
 
 /// Whether a grid of the whole map would be hashed.
 fn is_hashed(scene: &SceneTables, sample: &Sample, stored: u64, radius: f32) -> bool {
-    let (positions, surfaces) = (&sample.positions[..], &sample.surfaces[..]);
-    let bounds = grid_bounds(&PhotonTables { positions, surfaces, ..PhotonTables::default() }, 2 * scene.objects.len());
+    let mut bounds = vec![Bounds::EMPTY; 2 * scene.objects.len()];
+    for (position, face) in sample.positions.iter().zip(&sample.faces) {
+        bounds[*face as usize].add(position.position);
+    }
     let plan = cells::plan(scene.objects, &bounds, stored as usize, radius, CellSize::Auto, Form::Auto);
     plan.is_ok_and(|plan| plan.hashed)
 }

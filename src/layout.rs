@@ -186,18 +186,6 @@ record! {
 }
 
 record! {
-    /// On what a photon landed.
-    PhotonSurface, "photon" in "photon_surfaces" {
-        /// Index into the object table.
-        object: f32,
-        /// +1: it came from the side that the object's normal points to; −1: from the other.
-        side: f32,
-        /// Scattering events before it landed: 0 straight from the light.
-        bounce: f32,
-    }
-}
-
-record! {
     /// How a photon came; only where a glossy surface needs it.
     PhotonDirection, "photon" in "photon_directions" {
         /// Unit, towards where the photon came from.
@@ -306,9 +294,11 @@ record! {
 }
 
 /// Lists of plain numbers, three to a texel: the table's name and its accessor. `cell_starts[c]` is the first sorted
-/// photon of cell c; a cell ends where the next one begins. `tile_photons[i]` is the number of the photon at place i of
+/// photon of cell c; a cell ends where the next one begins. `photon_faces[i]` is what stored photon i landed on, as
+/// 2·object + (0 the side that the object's normal points to | 1 the other). `tile_photons[i]` is the number of the photon at place i of
 /// the tiles' lists, which `cell_starts` divides into cells where photons are gathered by tiles.
-pub const LISTS: &[(&str, &str)] = &[("cell_starts", "cell_start"), ("tile_photons", "tile_photon")];
+pub const LISTS: &[(&str, &str)] =
+    &[("cell_starts", "cell_start"), ("photon_faces", "photon_face"), ("tile_photons", "tile_photon")];
 
 /// A record's declaration without its type, for lists of all records.
 #[derive(Clone, Copy, Debug)]
@@ -352,7 +342,6 @@ pub const RECORDS: &[Declaration] = &[
     declare::<Emitter>(false, 0),
     declare::<PhotonPosition>(false, 0),
     declare::<PhotonPower>(false, 0),
-    declare::<PhotonSurface>(false, 0),
     declare::<PhotonDirection>(false, 0),
     declare::<PhotonCell>(false, 0),
 ];

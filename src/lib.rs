@@ -37,6 +37,7 @@ pub mod emission;
 pub mod features;
 pub mod film;
 pub mod gathering;
+pub mod memory;
 pub mod metrics;
 pub mod pack;
 pub mod source;

@@ -235,6 +235,7 @@ impl Pipeline {
                 times.emit = lap.ms();
             }
             if stale(Stage::Grid) {
+                self.map.restore()?;
                 let tables = SceneTables::new(&packed, &features);
                 let stored = photons.map_or(0, |counts| counts.stored);
                 let radius = match settings.gather.radius {
@@ -244,7 +245,8 @@ impl Pipeline {
                 chosen = self.choose(settings, radius, &tables, &frame, stored)?;
                 // Tiles take photons as they were stored.
                 if !chosen.method.is_tiled() {
-                    chosen.hashed = self.map.sort(&grid_wanted(settings, radius, self.backend, packed.origin))?;
+                    chosen.hashed =
+                        self.map.sort(&grid_wanted(settings, radius, self.backend, packed.origin), chosen.method)?;
                 }
                 times.grid = lap.ms();
             }
@@ -341,6 +343,11 @@ impl Pipeline {
     /// Bytes held on the device.
     pub fn bytes(&self) -> usize {
         self.tracer.bytes() + self.map.bytes()
+    }
+
+    /// Most bytes that OpenCL's buffers ever held; none where there is no OpenCL.
+    pub fn most_bytes(&self) -> Option<usize> {
+        self.map.most_bytes()
     }
 
     /// What changed since the last picture.

@@ -64,7 +64,8 @@ pub(crate) fn visible_points(scene: &SceneTables, frame: &Frame) -> Vec<(Vec3, (
 /// Area per photon of the sample around a point, from the disc that its nearest photons span, m².
 fn area_of_a_photon(sample: &Sample, point: Vec3, face: (usize, f32)) -> Option<f64> {
     const NEAREST: usize = 24; // the area is known to ±20%, R to ±10%
-    let same_face = |i: &usize| (sample.surfaces[*i].object as usize, sample.surfaces[*i].side) == face;
+    let face = (2 * face.0 + usize::from(face.1 < 0.0)) as u32;
+    let same_face = |i: &usize| sample.faces[*i] == face;
     let mut d2: Vec<f32> = (0..sample.positions.len())
         .filter(same_face)
         .map(|i| Vec3::from(sample.positions[i].position).distance_squared(point))

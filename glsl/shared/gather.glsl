@@ -312,7 +312,7 @@ Gathered gather_all(SCENE_PARAMS Query query, Int face, Bool wanted) {
             Real weight = kernel_shape(square3(away), inverse_radius2);
             Bool near_by = wanted && weight > 0.0f;
             if (!any_lane(near_by)) continue;
-            int own = 2 * count_of(photon_object_scalar(i)) + (photon_side_scalar(i) < 0.0f ? 1 : 0);
+            int own = count_of(photon_face(i));
             near_by = near_by && face == own;
             if (any_lane(near_by)) part = add_photon(SCENE part, i, pick(near_by, weight, 0.0f), position, query);
         }

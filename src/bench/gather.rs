@@ -70,8 +70,8 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Meas
         for stored in &plan.stored {
             let map = emit(&tables, &packed, *stored)?;
             let count = map.len().min(radius::SAMPLE);
-            let sample =
-                Sample { positions: map.positions[..count].to_vec(), surfaces: map.surfaces[..count].to_vec() };
+            let faces = map.surfaces[..count].iter().map(|s| cpu::grid::face_of(s) as u32).collect();
+            let sample = Sample { positions: map.positions[..count].to_vec(), faces };
             let chosen = radius::choose(&tables, &frame, &sample, map.len() as u64);
             for (is_auto, radius) in [(true, chosen)].into_iter().chain(plan.radii.iter().map(|r| (false, *r))) {
                 steps.begin(&format!("{}: {stored} photons, R={radius:.3}", scene.name));

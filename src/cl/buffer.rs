@@ -1,7 +1,9 @@
 //! Typed memory on an OpenCL device.
 
+use std::cell::Cell;
 use std::marker::PhantomData;
 use std::ptr;
+use std::rc::Rc;
 
 use bytemuck::Pod;
 use opencl3::memory::{Buffer as ClBuffer, CL_MEM_READ_WRITE, ClMem};
@@ -10,11 +12,53 @@ use opencl3::types::{CL_BLOCKING, cl_mem, cl_uchar};
 use super::{Context, failed};
 use crate::error::Result;
 
+/// Where parts of a buffer may begin, bytes: no driver asks for more (PoCL 128, NVIDIA 512).
+pub const PART_ALIGNMENT: usize = 4096;
+
 /// `len` records of `T` in device memory; freed when dropped.
 pub struct Buffer<T> {
     memory: ClBuffer<cl_uchar>,
     len: usize,
     of: PhantomData<T>,
+    /// Takes the bytes off the context's account when the memory is freed; parts of a buffer have none of their own.
+    account: Option<Entry>,
+}
+
+/// Bytes on a context's account.
+struct Entry {
+    memory: Rc<Memory>,
+    bytes: usize,
+}
+
+impl Drop for Entry {
+    fn drop(&mut self) {
+        self.memory.held.set(self.memory.held.get() - self.bytes);
+    }
+}
+
+/// What buffers hold of a device, bytes.
+#[derive(Default)]
+pub struct Memory {
+    held: Cell<usize>,
+    most: Cell<usize>,
+}
+
+impl Memory {
+    /// Now.
+    pub fn held(&self) -> usize {
+        self.held.get()
+    }
+
+    /// Most at any time.
+    pub fn most(&self) -> usize {
+        self.most.get()
+    }
+
+    fn enter(self: &Rc<Memory>, bytes: usize) -> Entry {
+        self.held.set(self.held.get() + bytes);
+        self.most.set(self.most.get().max(self.held.get()));
+        Entry { memory: Rc::clone(self), bytes }
+    }
 }
 
 impl<T: Pod> Buffer<T> {
@@ -27,7 +71,7 @@ impl<T: Pod> Buffer<T> {
         // SAFETY: no host pointer is given, so nothing is aliased.
         let memory = unsafe { ClBuffer::create(&context.context, CL_MEM_READ_WRITE, bytes, ptr::null_mut()) }
             .map_err(|e| failed(&format!("{bytes} bytes on {}", context.device.name), e))?;
-        Ok(Buffer { memory, len, of: PhantomData })
+        Ok(Buffer { memory, len, of: PhantomData, account: Some(context.memory.enter(bytes)) })
     }
 
     /// A copy of `data` on the device.
@@ -38,6 +82,32 @@ impl<T: Pod> Buffer<T> {
         let mut buffer = Buffer::new(context, data.len())?;
         buffer.write(context, data)?;
         Ok(buffer)
+    }
+
+    /// The same memory as records of another type; what it holds becomes meaningless.
+    ///
+    /// # Panics
+    /// When the types differ in size.
+    pub fn cast<U: Pod>(self) -> Buffer<U> {
+        assert_eq!(size_of::<T>(), size_of::<U>(), "records of another size");
+        Buffer { memory: self.memory, len: self.len, of: PhantomData, account: self.account }
+    }
+
+    /// `len` records of `U` within this memory, from byte `first` on: the same bytes under another name, which live as
+    /// long as either does. `first` must be a multiple of [`PART_ALIGNMENT`].
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Device`] when the driver refuses.
+    ///
+    /// # Panics
+    /// When the part lies outside of the buffer, or begins elsewhere.
+    pub fn part<U: Pod>(&self, first: usize, len: usize) -> Result<Buffer<U>> {
+        let bytes = len.max(1) * size_of::<U>();
+        assert!(first % PART_ALIGNMENT == 0 && first + bytes <= self.bytes(), "{bytes} bytes from {first} on");
+        // SAFETY: OpenCL checks the range, and keeps the memory for as long as a part of it is in use.
+        let memory = unsafe { self.memory.create_sub_buffer(CL_MEM_READ_WRITE, first, bytes) }
+            .map_err(|e| failed(&format!("a part of {bytes} bytes"), e))?;
+        Ok(Buffer { memory, len, of: PhantomData, account: None })
     }
 
     /// Overwrites the first `data.len()` records.

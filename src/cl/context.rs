@@ -13,6 +13,7 @@ use opencl3::kernel::{ExecuteKernel, Kernel as ClKernel};
 use opencl3::program::Program;
 use opencl3::types::cl_mem;
 
+use super::buffer::Memory;
 use super::{Buffer, Device, failed};
 use crate::error::{Error, Result};
 use crate::source::Source;
@@ -24,6 +25,8 @@ pub struct Context {
     pub(super) context: ClContext,
     pub(super) queue: CommandQueue,
     programs: RefCell<HashMap<String, Rc<Program>>>,
+    /// What its buffers hold.
+    pub memory: Rc<Memory>,
 }
 
 /// A kernel function of a built program.
@@ -82,7 +85,7 @@ impl Context {
         #[allow(deprecated)]
         let queue = CommandQueue::create_default(&context, CL_QUEUE_PROFILING_ENABLE)
             .map_err(|e| failed("making a queue", e))?;
-        Ok(Context { device, context, queue, programs: RefCell::default() })
+        Ok(Context { device, context, queue, programs: RefCell::default(), memory: Rc::default() })
     }
 
     /// Builds a program, or finds it among those built before, and takes one of its kernels.

@@ -5,7 +5,7 @@ mod context;
 mod device;
 mod probe;
 
-pub use buffer::Buffer;
+pub use buffer::{Buffer, Memory, PART_ALIGNMENT};
 pub use context::{Arg, Context, Kernel};
 pub use device::{Device, devices};
 pub use probe::probe;

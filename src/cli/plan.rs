@@ -11,6 +11,7 @@ use crate::cpu::scene::SceneTables;
 use crate::error::{Error, Result};
 use crate::features::{Features, Reason};
 use crate::layout::{Frame, Glass, Light, Object, Record, Shape, TEXEL, TEXTURE_WIDTH_LOG2};
+use crate::memory;
 use crate::pack::Packed;
 use crate::pipeline::emission;
 use crate::radius;
@@ -54,6 +55,17 @@ struct Report {
     uploads: Vec<Table>,
     bytes: usize,
     gather: Option<Gathering>,
+    memory: Option<Memory>,
+}
+
+/// Most bytes that the photon map takes, sorted into a grid, all scratch included.
+#[derive(Serialize)]
+struct Memory {
+    photons: u64,
+    /// In OpenCL's buffers.
+    opencl_bytes: usize,
+    /// In OpenGL's textures, where that is the backend.
+    opengl_bytes: usize,
 }
 
 /// How photons would be gathered where `--gather` is not given.
@@ -150,6 +162,12 @@ pub fn run(args: &Args) -> Result<()> {
     if !packed.glasses.is_empty() {
         uploads.push(table::<Glass>(packed.glasses.len()));
     }
+    let gather = gathering(&scene, &settings, &features, &packed)?;
+    let memory = gather.as_ref().map(|gather| {
+        let stored = gather.stored as usize;
+        let opengl_bytes = memory::texture_bytes(features.glossy, true, stored);
+        Memory { photons: gather.stored, opencl_bytes: memory::opencl_bytes(features.glossy, stored), opengl_bytes }
+    });
     let report = Report {
         scene: scene.name.clone(),
         permutation: features.defines(),
@@ -157,7 +175,8 @@ pub fn run(args: &Args) -> Result<()> {
         features: reasons,
         bytes: uploads.iter().map(|t| t.bytes).sum(),
         uploads,
-        gather: gathering(&scene, &settings, &features, &packed)?,
+        gather,
+        memory,
     };
     if args.json {
         print_json(&report);
@@ -179,6 +198,15 @@ pub fn run(args: &Args) -> Result<()> {
         println!("gather: skipped, no photons");
         return Ok(());
     };
+    if let Some(memory) = &report.memory {
+        let megabytes = |bytes: usize| bytes as f64 / 1e6;
+        println!(
+            "memory: {} photons take at most {:.1} MB in OpenCL, sorting included, and {:.1} MB in OpenGL's textures",
+            memory.photons,
+            megabytes(memory.opencl_bytes),
+            megabytes(memory.opengl_bytes)
+        );
+    }
     println!("gather {} photons with R = {:.4} m", gather.stored, gather.radius);
     for (backend, estimates) in [("opengl", &gather.opengl), ("opencl", &gather.opencl)] {
         let least = estimates.first().map_or(1.0, |best| best.cost);

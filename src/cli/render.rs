@@ -49,6 +49,8 @@ struct Report<'a> {
     skipped: Vec<Stage>,
     devices: &'a Devices,
     memory_bytes: usize,
+    /// Most that OpenCL's buffers ever held.
+    memory_most_opencl_bytes: Option<usize>,
     output: String,
 }
 
@@ -116,6 +118,7 @@ pub fn run(args: &Args) -> Result<()> {
             skipped: rendering.skipped,
             devices: &pipeline.devices,
             memory_bytes: pipeline.bytes(),
+            memory_most_opencl_bytes: pipeline.most_bytes(),
             output: output.display().to_string(),
         });
     }

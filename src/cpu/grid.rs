@@ -1,7 +1,7 @@
 //! Twin of `kernels/grid.cl`, `kernels/sort.cl` and `glsl/shared/cell.glsl`: photons sorted into cells.
 
 use crate::cells::{Bounds, Plan};
-use crate::layout::{Face, Gather, PhotonCell, PhotonDirection, PhotonPosition, PhotonPower, PhotonSurface};
+use crate::layout::{Face, Gather, PhotonCell, PhotonDirection, PhotonPosition, PhotonPower};
 
 /// A photon map as it was stored, in path order.
 #[derive(Clone, Copy, Debug, Default)]
@@ -31,6 +31,17 @@ pub struct GridTables {
     pub directions: Vec<PhotonDirection>,
     /// Rows of sorted photons; empty in the dense form.
     pub cells: Vec<PhotonCell>,
+}
+
+/// On what a photon landed. The device keeps only [`face_of`] it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PhotonSurface {
+    /// Index into the object table.
+    pub object: f32,
+    /// +1: it came from the side that the object's normal points to; −1: from the other.
+    pub side: f32,
+    /// Scattering events before it landed: 0 straight from the light.
+    pub bounce: f32,
 }
 
 /// A photon's face: 2·object + (0 | 1).

@@ -2,12 +2,13 @@
 
 use rayon::prelude::*;
 
+use super::grid::PhotonSurface;
 use super::random::hash2_u;
 use super::scene::SceneTables;
 use super::walk::{emit_photon, scatter};
 use crate::emission::{Amount, Emission, Plan};
 use crate::error::{Error, Result};
-use crate::layout::{Emitter, PhotonDirection, PhotonPosition, PhotonPower, PhotonSurface};
+use crate::layout::{Emitter, PhotonDirection, PhotonPosition, PhotonPower};
 
 /// A photon map in path order, then bounce order, a table a property.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -1,30 +1,21 @@
 //! Grid: photons as stored in, photons in the order of the grid's cells out, with the table of where cells begin. All
 //! on the device but for the faces' boxes, six numbers each, from which the host lays the grid out.
+//!
+//! Memory goes in a circle. Sorting needs one table's room besides the map's own: first the sort works there, then each
+//! table is written, in its new order, over the one that was written before it. The way back is the same, by the
+//! order that the sort leaves. `memory.rs` says what that comes to.
 
-use super::sort::{Sort, share};
+use super::photon_map::{PhotonMap, Photons};
+use super::sort::{Scratch, Sort, share};
 use crate::cells::{Bounds, CellSize, Form, Plan, plan};
-use crate::cl::{Arg, Buffer, Context, Kernel};
+use crate::cl::{Arg, Buffer, Context, Kernel, PART_ALIGNMENT};
 use crate::error::Result;
 use crate::gathering::Method;
-use crate::layout::{
-    Face, Gather, Object, PhotonCell, PhotonDirection, PhotonPosition, PhotonPower, PhotonSurface, TEXEL,
-};
+use crate::layout::{Face, Gather, Object, PhotonCell, PhotonDirection, PhotonPosition, PhotonPower, TEXEL};
 use crate::source::{Options, assemble};
 
-/// A photon map on the device, in path order.
-#[derive(Clone, Copy)]
-pub struct Photons<'a> {
-    /// Where.
-    pub positions: &'a Buffer<PhotonPosition>,
-    /// What.
-    pub powers: &'a Buffer<PhotonPower>,
-    /// On what.
-    pub surfaces: &'a Buffer<PhotonSurface>,
-    /// From where; only where a glossy surface asks.
-    pub directions: Option<&'a Buffer<PhotonDirection>>,
-    /// Photons stored: the buffers may be longer.
-    pub count: usize,
-}
+/// A texel, whatever it holds.
+type Texel = [f32; 3];
 
 /// A photon map on the device, in the order of its grid's cells. Buffers may be longer than what they hold.
 pub struct Grid {
@@ -38,14 +29,26 @@ pub struct Grid {
     pub faces: Buffer<Face>,
     /// Whole texels; `plan.cells + 1` entries count.
     pub cell_starts: Buffer<f32>,
+    /// The photons; none where they stay as they were stored.
+    pub sorted: Option<Sorted>,
+    /// What takes the place of tables that there are not.
+    nothing: Buffer<Texel>,
+}
+
+/// The tables of a grid.
+pub struct Sorted {
     /// Sorted.
     pub positions: Buffer<PhotonPosition>,
     /// Sorted.
     pub powers: Buffer<PhotonPower>,
-    /// Sorted; empty unless a glossy surface asks.
-    pub directions: Buffer<PhotonDirection>,
-    /// Rows of sorted photons; empty in the dense form.
-    pub cells: Buffer<PhotonCell>,
+    /// Sorted; only where a glossy surface asks.
+    pub directions: Option<Buffer<PhotonDirection>>,
+    /// Rows of sorted photons; none in the dense form.
+    pub cells: Option<Buffer<PhotonCell>>,
+    /// As stored.
+    faces: Buffer<f32>,
+    /// Paths emitted.
+    emitted: u32,
 }
 
 impl Grid {
@@ -57,38 +60,38 @@ impl Grid {
             gather: Buffer::new(context, 1)?,
             faces: Buffer::new(context, 0)?,
             cell_starts: Buffer::new(context, 0)?,
-            positions: Buffer::new(context, 0)?,
-            powers: Buffer::new(context, 0)?,
-            directions: Buffer::new(context, 0)?,
-            cells: Buffer::new(context, 0)?,
+            sorted: None,
+            nothing: Buffer::new(context, 0)?,
         })
     }
 
-    /// `PHOTON_PARAMS` of `shim.cl`, in their order: the sorted tables or, for brute force, the stored ones.
-    pub fn args(&self, stored: &Photons, method: Method) -> [Arg; 8] {
-        let brute = method == Method::Brute;
-        let directions = if brute { stored.directions.unwrap_or(&self.directions) } else { &self.directions };
-        [
-            (&self.gather).into(),
-            (&self.faces).into(),
-            (&self.cell_starts).into(),
-            (&self.cells).into(),
-            if brute { stored.positions.into() } else { (&self.positions).into() },
-            if brute { stored.powers.into() } else { (&self.powers).into() },
-            stored.surfaces.into(),
-            directions.into(),
-        ]
+    /// `PHOTON_PARAMS` of `shim.cl`, in their order: the sorted tables or, for brute force, the stored ones. None when
+    /// the photons are not in that order.
+    pub fn args(&self, stored: Option<&Photons>, method: Method) -> Option<[Arg; 8]> {
+        let nothing = Arg::from(&self.nothing);
+        let [cells, positions, powers, faces, directions] = if method.reads_stored() {
+            let Photons { positions, powers, faces, directions, .. } = stored?;
+            [nothing, (*positions).into(), (*powers).into(), (*faces).into(), directions.map_or(nothing, Arg::from)]
+        } else {
+            let Sorted { positions, powers, directions, cells, .. } = self.sorted.as_ref()?;
+            let [cells, directions] =
+                [cells.as_ref().map_or(nothing, Arg::from), directions.as_ref().map_or(nothing, Arg::from)];
+            [cells, positions.into(), powers.into(), nothing, directions]
+        };
+        let [gather, records] = [Arg::from(&self.gather), Arg::from(&self.faces)];
+        Some([gather, records, (&self.cell_starts).into(), cells, positions, powers, faces, directions])
     }
 
     /// Bytes held on the device.
     pub fn bytes(&self) -> usize {
-        self.gather.bytes()
-            + self.faces.bytes()
-            + self.cell_starts.bytes()
-            + self.positions.bytes()
-            + self.powers.bytes()
-            + self.directions.bytes()
-            + self.cells.bytes()
+        let sorted = self.sorted.as_ref().map_or(0, |sorted| {
+            sorted.positions.bytes()
+                + sorted.powers.bytes()
+                + sorted.directions.as_ref().map_or(0, Buffer::bytes)
+                + sorted.cells.as_ref().map_or(0, Buffer::bytes)
+                + sorted.faces.bytes()
+        });
+        self.gather.bytes() + self.faces.bytes() + self.cell_starts.bytes() + self.nothing.bytes() + sorted
     }
 }
 
@@ -139,9 +142,14 @@ pub struct GridStage {
     bounds_kernel: Kernel,
     /// By form: dense, hashed.
     kernels: [Option<Kernels>; 2],
+    restore: Kernel,
     sort: Sort,
     bounds: Buffer<i32>,
     grid: Grid,
+    /// Number that each sorted photon was stored under.
+    order: Buffer<u32>,
+    /// One table's memory.
+    spare: Option<Buffer<Texel>>,
 }
 
 /// Undoes `ordered` of `grid.cl`: floats as ints that compare alike.
@@ -168,17 +176,19 @@ impl GridStage {
             bounds_kernel: context.kernel(&source, "grid_bounds")?,
             kernels: [None, None],
             sort: Sort::new(context)?,
+            restore: context.kernel(&source, "grid_restore")?,
             bounds: Buffer::new(context, 0)?,
             grid: Grid::empty(context)?,
+            order: Buffer::new(context, 0)?,
+            spare: None,
         })
     }
 
-    /// Sorts a photon map into a grid. Only the faces' boxes are waited for; the queue is in order.
+    /// Lays a grid out for a map that stays as it was stored.
     ///
     /// # Errors
-    /// [`crate::error::Error::Usage`] when floats cannot count the photons or the cells that were asked for;
-    /// [`crate::error::Error::Device`] when memory is short.
-    pub fn build(
+    /// As [`GridStage::build`].
+    pub fn lay_out(
         &mut self,
         context: &Context,
         objects: &[Object],
@@ -188,72 +198,146 @@ impl GridStage {
         let bounds = self.bounds(context, 2 * objects.len(), photons)?;
         let mut plan = plan(objects, &bounds, photons.count, wanted.radius, wanted.size, wanted.form)?;
         plan.gather.nearest = wanted.nearest as f32;
-        let slot = usize::from(plan.hashed);
+        self.grid.gather.write(context, &[plan.gather])?;
+        self.grid.plan = plan;
+        self.grid.count = photons.count;
+        Ok(&self.grid)
+    }
+
+    /// Sorts a photon map into a grid, which takes over its memory. Only the faces' boxes are waited for; the queue is
+    /// in order.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Usage`] when floats cannot count the photons or the cells that were asked for;
+    /// [`crate::error::Error::Device`] when memory is short.
+    pub fn build(&mut self, context: &Context, objects: &[Object], map: PhotonMap, wanted: &Wanted) -> Result<&Grid> {
+        self.lay_out(context, objects, &map.view(), wanted)?;
+        let (hashed, cells, count) = (self.grid.plan.hashed, self.grid.plan.cells, map.stored);
+        let slot = usize::from(hashed);
         if self.kernels[slot].is_none() {
-            self.kernels[slot] = Some(Kernels::new(context, plan.hashed)?);
+            self.kernels[slot] = Some(Kernels::new(context, hashed)?);
         }
         let kernels = self.kernels[slot].as_ref().expect("built above");
 
-        let count = photons.count;
         let grid = &mut self.grid;
-        fit(context, &mut grid.faces, plan.faces.len())?;
-        fit(context, &mut grid.cell_starts, (plan.cells + 1).next_multiple_of(TEXEL))?;
-        fit(context, &mut grid.positions, count)?;
-        fit(context, &mut grid.powers, count)?;
-        fit(context, &mut grid.directions, if photons.directions.is_some() { count } else { 0 })?;
-        fit(context, &mut grid.cells, if plan.hashed { count } else { 0 })?;
-        grid.faces.write(context, &plan.faces)?;
-        grid.gather.write(context, &[plan.gather])?;
+        fit(context, &mut grid.faces, grid.plan.faces.len())?;
+        grid.faces.write(context, &grid.plan.faces)?;
+        // While the sort counts, cells have no starts yet.
+        let starts = (cells + 1).max(self.sort.places(context, count)).next_multiple_of(TEXEL);
+        fit(context, &mut grid.cell_starts, starts)?;
+        fit(context, &mut self.order, map.positions.len())?;
+        let room = map.positions.len().next_multiple_of(PART_ALIGNMENT / 4);
+        let spare = match self.spare.take() {
+            Some(spare) if spare.len() >= room => spare,
+            _ => Buffer::new(context, room)?,
+        };
+        let scratch = {
+            let part = |third: usize| spare.part(third * room * 4, count);
+            let values = [self.order.part(0, count)?, part(2)?];
+            let [order, other] = values;
+            // The order must outlive the sort, whichever of the two it ends in.
+            let values = if self.sort.result(cells) == 0 { [order, other] } else { [other, order] };
+            let places = grid.cell_starts.part(0, self.sort.places(context, count))?;
+            Scratch { keys: [part(0)?, part(1)?], values, places }
+        };
 
         let (items, per_item) = share(context, count);
         let tail: [Arg; 2] = [(count as i32).into(), (per_item as i32).into()];
-        self.sort.reserve(context, count)?;
         let args = [
-            photons.positions.into(),
-            photons.surfaces.into(),
+            (&map.positions).into(),
+            (&map.faces).into(),
             (&grid.faces).into(),
             (&grid.gather).into(),
-            (&self.sort.keys[0]).into(),
+            (&scratch.keys[0]).into(),
             tail[0],
             tail[1],
         ];
         context.launch(&kernels.keys, &args, &[items], None)?;
-        let sorted = self.sort.sort(context, count, plan.cells)?;
-
-        let args = [
-            (&self.sort.keys[sorted]).into(),
-            (&grid.cell_starts).into(),
-            tail[0],
-            (plan.cells as i32).into(),
-            tail[1],
-        ];
+        let sorted = self.sort.sort(context, &scratch, count, cells)?;
+        let args =
+            [(&scratch.keys[sorted]).into(), (&grid.cell_starts).into(), tail[0], (cells as i32).into(), tail[1]];
         // One place more than there are photons: it ends the last cell.
         context.launch(&kernels.starts, &args, &[(count + 1).div_ceil(per_item)], None)?;
-        let order: Arg = (&self.sort.values[sorted]).into();
-        let mut tables: Vec<(Arg, Arg)> =
-            vec![(photons.positions.into(), (&grid.positions).into()), (photons.powers.into(), (&grid.powers).into())];
-        if let Some(directions) = photons.directions {
-            tables.push((directions.into(), (&grid.directions).into()));
+        drop(scratch);
+
+        let order: Arg = (&self.order).into();
+        let reorder = |from: Buffer<Texel>, to: Buffer<Texel>| -> Result<(Buffer<Texel>, Buffer<Texel>)> {
+            let args = [order, (&from).into(), (&to).into(), tail[0], tail[1]];
+            context.launch(&kernels.reorder, &args, &[items], None)?;
+            Ok((to, from))
+        };
+        let (positions, free) = reorder(map.positions.cast(), spare)?;
+        let (powers, free) = reorder(map.powers.cast(), free)?;
+        let (directions, free) = match map.directions {
+            Some(directions) => reorder(directions.cast(), free).map(|(sorted, free)| (Some(sorted), free))?,
+            None => (None, free),
+        };
+        let mut sorted = Sorted {
+            positions: positions.cast(),
+            powers: powers.cast(),
+            directions: directions.map(Buffer::cast),
+            cells: None,
+            faces: map.faces,
+            emitted: map.emitted,
+        };
+        match &kernels.rows {
+            Some(rows) => {
+                let args = [
+                    order,
+                    (&sorted.positions).into(),
+                    (&sorted.faces).into(),
+                    (&grid.faces).into(),
+                    (&grid.gather).into(),
+                    (&free).into(),
+                    tail[0],
+                    tail[1],
+                ];
+                context.launch(rows, &args, &[items], None)?;
+                sorted.cells = Some(free.cast());
+            }
+            None => self.spare = Some(free),
         }
-        for (from, to) in tables {
-            context.launch(&kernels.reorder, &[order, from, to, tail[0], tail[1]], &[items], None)?;
-        }
-        if let Some(rows) = &kernels.rows {
-            let args = [
-                order,
-                photons.positions.into(),
-                photons.surfaces.into(),
-                (&grid.faces).into(),
-                (&grid.gather).into(),
-                (&grid.cells).into(),
-                tail[0],
-                tail[1],
-            ];
-            context.launch(rows, &args, &[items], None)?;
-        }
-        grid.plan = plan;
-        grid.count = count;
+        grid.sorted = Some(sorted);
         Ok(&self.grid)
+    }
+
+    /// The map that was sorted last, as it was stored, byte for byte; none when it was taken before.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Device`] when a launch is refused.
+    pub fn restore(&mut self, context: &Context) -> Result<Option<PhotonMap>> {
+        let (items, per_item) = share(context, self.grid.count);
+        let tail: [Arg; 2] = [(self.grid.count as i32).into(), (per_item as i32).into()];
+        let order: Arg = (&self.order).into();
+        let Some((map, free)) = self.take_tables() else { return Ok(None) };
+        let back = |from: Buffer<Texel>, to: Buffer<Texel>| -> Result<(Buffer<Texel>, Buffer<Texel>)> {
+            let args = [order, (&from).into(), (&to).into(), tail[0], tail[1]];
+            context.launch(&self.restore, &args, &[items], None)?;
+            Ok((to, from))
+        };
+        let (positions, free) = back(map.positions.cast(), free)?;
+        let (powers, free) = back(map.powers.cast(), free)?;
+        let (directions, free) = match map.directions {
+            Some(directions) => back(directions.cast(), free).map(|(stored, free)| (Some(stored), free))?,
+            None => (None, free),
+        };
+        self.spare = Some(free);
+        let directions = directions.map(Buffer::cast);
+        Ok(Some(PhotonMap { positions: positions.cast(), powers: powers.cast(), directions, ..map }))
+    }
+
+    /// The memory of the map that was sorted last, for another.
+    pub fn take_memory(&mut self) -> Option<PhotonMap> {
+        let (map, free) = self.take_tables()?;
+        self.spare = Some(free);
+        Some(map)
+    }
+
+    /// The last map's tables in whatever order, and the memory of one table more.
+    fn take_tables(&mut self) -> Option<(PhotonMap, Buffer<Texel>)> {
+        let Sorted { positions, powers, directions, cells, faces, emitted } = self.grid.sorted.take()?;
+        let free = cells.map(Buffer::cast).or(self.spare.take())?;
+        Some((PhotonMap { positions, powers, faces, directions, stored: self.grid.count, emitted }, free))
     }
 
     /// The grid that was built last.
@@ -263,7 +347,7 @@ impl GridStage {
 
     /// Bytes held on the device, scratch included.
     pub fn bytes(&self) -> usize {
-        self.grid.bytes() + self.sort.bytes() + self.bounds.bytes()
+        self.grid.bytes() + self.order.bytes() + self.bounds.bytes() + self.spare.as_ref().map_or(0, Buffer::bytes)
     }
 
     fn bounds(&mut self, context: &Context, faces: usize, photons: &Photons) -> Result<Vec<Bounds>> {
@@ -273,7 +357,7 @@ impl GridStage {
         let (items, per_item) = share(context, photons.count);
         let args = [
             photons.positions.into(),
-            photons.surfaces.into(),
+            photons.faces.into(),
             (&self.bounds).into(),
             (photons.count as i32).into(),
             (per_item as i32).into(),

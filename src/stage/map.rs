@@ -2,18 +2,21 @@
 
 use std::rc::Rc;
 
-use super::grid::{Grid, GridStage, Photons as StoredPhotons, Wanted};
-use super::photons::{PhotonMap, Photons};
+use super::grid::{Grid, GridStage, Wanted};
+use super::photon_map::{PhotonMap, Photons as StoredPhotons, first};
+use super::photons::Photons;
 use super::scan::Scan;
 use super::tiles::{TileStage, Tiles};
 use crate::cells;
 use crate::cl::Context;
 use crate::cpu;
+use crate::cpu::grid::face_of;
 use crate::emission::{self, Emission};
 use crate::error::{Error, Result};
 use crate::features::Features;
-use crate::layout::{Frame, PhotonPosition, PhotonSurface};
+use crate::layout::{Frame, PhotonPosition};
 use crate::pack::Packed;
+use crate::settings::Method;
 use crate::tiling;
 
 /// Makes photon maps on one machine and holds the last one.
@@ -31,6 +34,7 @@ pub struct DeviceMap {
     grid: GridStage,
     /// Made when tiles are first asked for.
     tiles: Option<Box<TileStage>>,
+    /// In path order; none while the grid has it.
     stored: Option<PhotonMap>,
     packed: Option<Packed>,
 }
@@ -51,8 +55,8 @@ pub enum MapView<'a> {
     Device {
         /// The device.
         context: &'a Context,
-        /// In path order.
-        stored: StoredPhotons<'a>,
+        /// In path order; none where the grid has taken it over.
+        stored: Option<StoredPhotons<'a>>,
         /// In the order of cells.
         grid: &'a Grid,
         /// The last tiles.
@@ -84,8 +88,8 @@ pub struct MapCounts {
 pub struct Sample {
     /// Where.
     pub positions: Vec<PhotonPosition>,
-    /// On what.
-    pub surfaces: Vec<PhotonSurface>,
+    /// On what: 2·object + (0 | 1).
+    pub faces: Vec<u32>,
 }
 
 impl MapStage {
@@ -137,7 +141,8 @@ impl MapStage {
     pub fn emit(&mut self, emission: &Emission) -> Result<MapCounts> {
         match self {
             MapStage::Device(map) => {
-                let stored = map.photons.emit(emission, map.stored.take())?;
+                let old = map.stored.take().or_else(|| map.grid.take_memory());
+                let stored = map.photons.emit(emission, old)?;
                 map.context.finish()?;
                 let counts = MapCounts { emitted: stored.emitted.into(), stored: stored.stored as u64 };
                 map.stored = Some(stored);
@@ -161,33 +166,48 @@ impl MapStage {
             MapStage::Device(map) => {
                 let Some(stored) = &map.stored else { return Err(no_scene()) };
                 let count = stored.stored.min(most);
-                let mut sample = Sample {
-                    positions: vec![PhotonPosition::default(); count],
-                    surfaces: vec![PhotonSurface::default(); count],
-                };
-                stored.positions.read(&map.context, &mut sample.positions)?;
-                stored.surfaces.read(&map.context, &mut sample.surfaces)?;
-                Ok(sample)
+                let faces = first(&map.context, &stored.faces, count)?.into_iter().map(|face| face as u32).collect();
+                Ok(Sample { positions: first(&map.context, &stored.positions, count)?, faces })
             }
             MapStage::Host(map) => {
                 let count = map.stored.len().min(most);
                 Ok(Sample {
                     positions: map.stored.positions[..count].to_vec(),
-                    surfaces: map.stored.surfaces[..count].to_vec(),
+                    faces: map.stored.surfaces[..count].iter().map(|s| face_of(s) as u32).collect(),
                 })
             }
         }
     }
 
-    /// Sorts the map into a grid and waits for it. Tells whether the grid is in its hashed form.
+    /// Puts the map back into path order where a grid has taken it over.
+    ///
+    /// # Errors
+    /// [`Error::Device`] from the device.
+    pub fn restore(&mut self) -> Result<()> {
+        if let MapStage::Device(map) = self
+            && map.stored.is_none()
+        {
+            map.stored = map.grid.restore(&map.context)?;
+        }
+        Ok(())
+    }
+
+    /// Sorts the map into a grid and waits for it; for methods that read it as it was stored, the grid is only laid
+    /// out. Tells whether the grid is in its hashed form.
     ///
     /// # Errors
     /// [`Error::Usage`] when floats cannot count the photons or the cells; [`Error::Device`] from the device.
-    pub fn sort(&mut self, wanted: &Wanted) -> Result<bool> {
+    pub fn sort(&mut self, wanted: &Wanted, method: Method) -> Result<bool> {
+        self.restore()?;
         match self {
             MapStage::Device(map) => {
-                let (Some(stored), Some(packed)) = (&map.stored, &map.packed) else { return Err(no_scene()) };
-                let hashed = map.grid.build(&map.context, &packed.objects, &stored.view(), wanted)?.plan.hashed;
+                let (Some(stored), Some(packed)) = (map.stored.take(), &map.packed) else { return Err(no_scene()) };
+                if method.reads_stored() {
+                    map.grid.lay_out(&map.context, &packed.objects, &stored.view(), wanted)?;
+                    map.stored = Some(stored);
+                    return Ok(false);
+                }
+                let hashed = map.grid.build(&map.context, &packed.objects, stored, wanted)?.plan.hashed;
                 map.context.finish()?;
                 Ok(hashed)
             }
@@ -209,6 +229,7 @@ impl MapStage {
     /// # Errors
     /// [`Error::Usage`] when floats cannot count the entries; [`Error::Device`] and [`Error::Build`] from the device.
     pub fn tile(&mut self, frame: &Frame, features: &Features, wanted: &tiling::Wanted) -> Result<u64> {
+        self.restore()?;
         match self {
             MapStage::Device(map) => {
                 let (Some(stored), Some(packed)) = (&map.stored, &map.packed) else { return Err(no_scene()) };
@@ -235,12 +256,20 @@ impl MapStage {
         }
     }
 
+    /// Most bytes that the device's buffers ever held; none on the host.
+    pub fn most_bytes(&self) -> Option<usize> {
+        match self {
+            MapStage::Device(map) => Some(map.context.memory.most()),
+            MapStage::Host(_) => None,
+        }
+    }
+
     /// The last map.
     pub fn view(&self) -> Option<MapView<'_>> {
         match self {
             MapStage::Device(map) => Some(MapView::Device {
                 context: &map.context,
-                stored: map.stored.as_ref()?.view(),
+                stored: map.stored.as_ref().map(PhotonMap::view),
                 grid: map.grid.grid(),
                 tiles: map.tiles.as_ref().map(|stage| stage.tiles()),
             }),
@@ -253,18 +282,24 @@ impl MapStage {
         }
     }
 
-    /// Bytes held on the device, scratch included.
+    /// Bytes held, scratch included: on a device, by all that share its context.
     pub fn bytes(&self) -> usize {
         match self {
-            MapStage::Device(map) => {
-                let tiles = map.tiles.as_ref().map_or(0, |stage| stage.bytes());
-                map.stored.as_ref().map_or(0, PhotonMap::bytes) + map.grid.bytes() + tiles
-            }
+            MapStage::Device(map) => map.context.memory.held(),
             MapStage::Host(map) => {
-                let grid = &map.grid;
-                size_of_val(&map.stored.positions[..]) * 4
-                    + size_of_val(&grid.positions[..]) * 2
-                    + size_of_val(&grid.cell_starts[..])
+                let (stored, grid) = (&map.stored, &map.grid);
+                let tables = size_of_val(&stored.positions[..]) * 2
+                    + size_of_val(&stored.surfaces[..])
+                    + size_of_val(&stored.directions[..]);
+                let sorted = size_of_val(&grid.positions[..]) * 2
+                    + size_of_val(&grid.directions[..])
+                    + size_of_val(&grid.cells[..])
+                    + size_of_val(&grid.order[..]);
+                let lists = map
+                    .tiles
+                    .as_ref()
+                    .map_or(0, |(_, tiles)| size_of_val(&tiles.cell_starts[..]) + size_of_val(&tiles.tile_photons[..]));
+                tables + sorted + size_of_val(&grid.cell_starts[..]) + lists
             }
         }
     }

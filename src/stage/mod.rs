@@ -2,6 +2,7 @@
 
 pub mod grid;
 pub mod map;
+pub mod photon_map;
 pub mod photon_textures;
 pub mod photons;
 pub mod scan;

@@ -2,18 +2,19 @@
 
 use bytemuck::Pod;
 
-use super::grid::{Grid, Photons};
+use super::grid::{Grid, Sorted};
+use super::photon_map::Photons;
 use super::tiles::Tiles;
 use crate::cells::Plan;
 use crate::cl::{Buffer, Context};
-use crate::cpu::grid::{GridTables, PhotonTables};
+use crate::cpu::grid::{GridTables, PhotonTables, face_of};
 use crate::cpu::tiles::TileTables;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gathering::{Gathering, Method};
 use crate::gl::{Functions, Program, TableTexture};
 use crate::layout::{
-    Face, Gather, PhotonCell, PhotonDirection, PhotonPosition, PhotonPower, PhotonSurface, Record, Region, TEXEL,
-    TEXTURE_WIDTH_LOG2, Tile,
+    Face, Gather, PhotonCell, PhotonDirection, PhotonPosition, PhotonPower, Record, Region, TEXEL, TEXTURE_WIDTH_LOG2,
+    Tile,
 };
 use crate::tiling;
 
@@ -35,7 +36,7 @@ impl PhotonTextures {
         PhotonCell::TABLE,
         PhotonPosition::TABLE,
         PhotonPower::TABLE,
-        PhotonSurface::TABLE,
+        "photon_faces",
         PhotonDirection::TABLE,
         Tile::TABLE,
         Region::TABLE,
@@ -73,13 +74,12 @@ impl PhotonTextures {
         if gathering.method.reads_stored() {
             self.tables[3].fill(stored.positions)?;
             self.tables[4].fill(stored.powers)?;
-            self.tables[5].fill(stored.surfaces)?;
+            let faces: Vec<f32> = stored.surfaces.iter().map(|surface| face_of(surface) as f32).collect();
+            self.tables[5].fill_texels(&whole_texels(faces))?;
             return self.tables[6].fill(stored.directions);
         }
         self.tables[0].fill(&plan.faces)?;
-        let mut starts = grid.cell_starts.clone();
-        starts.resize(starts.len().next_multiple_of(TEXEL), 0.0); // lists fill whole texels
-        self.tables[1].fill_texels(&starts)?;
+        self.tables[1].fill_texels(&whole_texels(grid.cell_starts.clone()))?;
         self.tables[2].fill(&grid.cells)?;
         self.tables[3].fill(&grid.positions)?;
         self.tables[4].fill(&grid.powers)?;
@@ -90,31 +90,34 @@ impl PhotonTextures {
     ///
     /// # Errors
     /// [`crate::error::Error::Device`] when a transfer fails, or a table is larger than the driver's textures.
-    pub fn fill(&mut self, context: &Context, grid: &Grid, stored: &Photons, gathering: &Gathering) -> Result<()> {
+    pub fn fill(
+        &mut self,
+        context: &Context,
+        grid: &Grid,
+        stored: Option<&Photons>,
+        gathering: &Gathering,
+    ) -> Result<()> {
         self.gather = grid.plan.gather;
-        let brute = gathering.method.reads_stored();
-        let count = stored.count;
-        self.most_candidates = count as u64;
-        if brute {
-            self.copy(3, context, stored.positions, count)?;
-            self.copy(4, context, stored.powers, count)?;
-            self.copy(5, context, stored.surfaces, count)?;
-        } else {
-            self.tables[0].fill(&grid.plan.faces)?;
-            self.copy(1, context, &grid.cell_starts, (grid.plan.cells + 1).div_ceil(3))?;
-            let starts: &[f32] = bytemuck::cast_slice(&self.staging);
-            self.most_candidates = most_candidates(&grid.plan, starts, count as u64);
-            if gathering.hashed {
-                self.copy(2, context, &grid.cells, count)?;
-            }
-            self.copy(3, context, &grid.positions, count)?;
-            self.copy(4, context, &grid.powers, count)?;
+        if gathering.method.reads_stored() {
+            let Some(Photons { positions, powers, faces, directions, count }) = stored else { return Err(unordered()) };
+            self.most_candidates = *count as u64;
+            self.copy(3, context, positions, *count)?;
+            self.copy(4, context, powers, *count)?;
+            self.copy(5, context, faces, count.div_ceil(TEXEL))?;
+            return directions.map_or(Ok(()), |directions| self.copy(6, context, directions, *count));
         }
-        match stored.directions {
-            Some(directions) if brute => self.copy(6, context, directions, count),
-            Some(_) => self.copy(6, context, &grid.directions, count),
-            None => Ok(()),
+        let Some(Sorted { positions, powers, directions, cells, .. }) = &grid.sorted else { return Err(unordered()) };
+        let count = grid.count;
+        self.tables[0].fill(&grid.plan.faces)?;
+        self.copy(1, context, &grid.cell_starts, (grid.plan.cells + 1).div_ceil(TEXEL))?;
+        let starts: &[f32] = bytemuck::cast_slice(&self.staging);
+        self.most_candidates = most_candidates(&grid.plan, starts, count as u64);
+        if let Some(cells) = cells {
+            self.copy(2, context, cells, count)?;
         }
+        self.copy(3, context, positions, count)?;
+        self.copy(4, context, powers, count)?;
+        directions.as_ref().map_or(Ok(()), |directions| self.copy(6, context, directions, count))
     }
 
     /// Takes over the tiles of a map that was taken over before.
@@ -135,15 +138,10 @@ impl PhotonTextures {
     /// As [`PhotonTextures::fill`].
     pub fn fill_tiles_from_host(&mut self, plan: &tiling::Plan, tables: &TileTables) -> Result<()> {
         self.gather = plan.gather;
-        let whole = |list: &[f32]| {
-            let mut list = list.to_vec();
-            list.resize(list.len().next_multiple_of(TEXEL), 0.0); // lists fill whole texels
-            list
-        };
-        self.tables[1].fill_texels(&whole(&tables.cell_starts))?;
+        self.tables[1].fill_texels(&whole_texels(tables.cell_starts.clone()))?;
         self.tables[7].fill(&plan.tiles)?;
         self.tables[8].fill(&plan.regions)?;
-        self.tables[9].fill_texels(&whole(&tables.tile_photons))
+        self.tables[9].fill_texels(&whole_texels(tables.tile_photons.clone()))
     }
 
     /// The first `texels` texels of a buffer.
@@ -182,6 +180,17 @@ impl PhotonTextures {
     pub fn bytes(&self) -> usize {
         self.tables.iter().map(TableTexture::bytes).sum()
     }
+}
+
+/// Photons in another order than the method reads: the pipeline's fault, said rather than drawn wrong.
+fn unordered() -> Error {
+    Error::Device("OpenGL: the photon map is not in the order that this method reads".into())
+}
+
+/// A list, filled up to whole texels.
+fn whole_texels(mut list: Vec<f32>) -> Vec<f32> {
+    list.resize(list.len().next_multiple_of(TEXEL), 0.0);
+    list
 }
 
 /// Cells along an axis that a query's ball can touch.

@@ -7,48 +7,11 @@ use crate::cpu::photons::{FRUITLESS_PATHS, fruitless, stream_of};
 use crate::emission::{Amount, COLUMNS_LOG2, Emission, Plan, ROWS_LOG2, Sampler};
 use crate::error::{Error, Result};
 use crate::features::Features;
-use crate::layout::{
-    Emitter, Frame, Light, MAX_EXACT_INDEX, Object, PhotonDirection, PhotonPosition, PhotonPower, PhotonSurface,
-};
+use crate::layout::{Emitter, Frame, Light, MAX_EXACT_INDEX, Object};
 use crate::pack::Packed;
 use crate::source::{Options, assemble};
-use crate::stage::grid::Photons as StoredPhotons;
+use crate::stage::photon_map::PhotonMap;
 use crate::stage::scan::Scan;
-
-/// A photon map on the device, in path order, then bounce order.
-pub struct PhotonMap {
-    /// Scene space.
-    pub positions: Buffer<PhotonPosition>,
-    /// Watts per channel.
-    pub powers: Buffer<PhotonPower>,
-    /// Object, side, bounce.
-    pub surfaces: Buffer<PhotonSurface>,
-    /// Towards where the photon came from; only where some surface is glossy.
-    pub directions: Option<Buffer<PhotonDirection>>,
-    /// Photons in the map; the buffers may have room for more.
-    pub stored: usize,
-    /// Paths emitted.
-    pub emitted: u32,
-}
-
-impl PhotonMap {
-    /// The map as the grid and the gathering take it.
-    pub fn view(&self) -> StoredPhotons<'_> {
-        StoredPhotons {
-            positions: &self.positions,
-            powers: &self.powers,
-            surfaces: &self.surfaces,
-            directions: self.directions.as_ref(),
-            count: self.stored,
-        }
-    }
-
-    /// Bytes on the device.
-    pub fn bytes(&self) -> usize {
-        let directions = self.directions.as_ref().map_or(0, Buffer::bytes);
-        self.positions.bytes() + self.powers.bytes() + self.surfaces.bytes() + directions
-    }
-}
 
 /// The scene as emission sees it, on the device.
 struct Tables {
@@ -163,7 +126,7 @@ impl Photons {
         };
         if tables.plan.is_empty() {
             return match emission.amount {
-                Amount::Paths(paths) => new_map(&self.context, old, false, 0, paths),
+                Amount::Paths(paths) => PhotonMap::new(&self.context, old, false, 0, paths),
                 Amount::Stored(wanted) => Err(fruitless(wanted, 0, 0)),
             };
         }
@@ -185,28 +148,10 @@ impl Photons {
                  of fewer --photons"
             )));
         }
-        let map = new_map(&self.context, old, kernels.made_for.0.glossy, stored as usize, paths)?;
+        let map = PhotonMap::new(&self.context, old, kernels.made_for.0.glossy, stored as usize, paths)?;
         pass.store(&emitters, &runs, paths, &map)?;
         Ok(map)
     }
-}
-
-/// Memory for a map of known size.
-fn new_map(context: &Context, old: Option<PhotonMap>, glossy: bool, stored: usize, emitted: u32) -> Result<PhotonMap> {
-    if let Some(old) = old
-        && old.positions.len() >= stored
-        && old.directions.is_some() == glossy
-    {
-        return Ok(PhotonMap { stored, emitted, ..old });
-    }
-    Ok(PhotonMap {
-        positions: Buffer::new(context, stored)?,
-        powers: Buffer::new(context, stored)?,
-        surfaces: Buffer::new(context, stored)?,
-        directions: glossy.then(|| Buffer::new(context, stored)).transpose()?,
-        stored,
-        emitted,
-    })
 }
 
 /// One pass of emission on the device.
@@ -283,7 +228,7 @@ impl Pass<'_> {
     fn store(&self, emitters: &Buffer<Emitter>, runs: &Runs, end: u32, map: &PhotonMap) -> Result<()> {
         let mut args = self.walk_args(emitters, 0, end, runs.length);
         args.extend([Arg::from(&runs.offsets), runs.runs.into(), Arg::Uint(map.stored as u32)]);
-        args.extend([Arg::from(&map.positions), (&map.powers).into(), (&map.surfaces).into()]);
+        args.extend([Arg::from(&map.positions), (&map.powers).into(), (&map.faces).into()]);
         args.extend(map.directions.as_ref().map(Arg::from));
         self.launch(&self.kernels.store, &args, runs.runs)
     }

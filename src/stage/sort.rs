@@ -5,17 +5,39 @@ use crate::cl::{Buffer, Context, Kernel};
 use crate::error::Result;
 use crate::source::{Options, assemble};
 
-/// The sort's kernels and its memory, which grows with the largest sort and is kept.
+/// The sort's kernels.
 pub struct Sort {
     count: Kernel,
     scatter: Kernel,
     scan: Scan,
     digit_bits: u32,
-    /// Keys to sort go in here; which of the two holds them afterwards is told by [`Sort::sort`].
+}
+
+/// What a sort works in.
+pub struct Scratch {
+    /// Keys to sort go into the first; which of the two holds them afterwards is told by [`Sort::sort`].
     pub keys: [Buffer<u32>; 2],
     /// Numbers of the pairs, in the order of their keys.
     pub values: [Buffer<u32>; 2],
-    places: Buffer<u32>,
+    /// At least [`Sort::places`].
+    pub places: Buffer<u32>,
+}
+
+impl Scratch {
+    /// Room for nothing.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Device`] when memory is short.
+    pub fn empty(context: &Context) -> Result<Scratch> {
+        let none = || Buffer::new(context, 0);
+        Ok(Scratch { keys: [none()?, none()?], values: [none()?, none()?], places: none()? })
+    }
+
+    /// Bytes held on the device.
+    pub fn bytes(&self) -> usize {
+        let Scratch { keys, values, places } = self;
+        keys.iter().chain(values).map(Buffer::bytes).sum::<usize>() + places.bytes()
+    }
 }
 
 /// How `count` elements are shared out: work-items, and neighbouring elements for each.
@@ -47,9 +69,6 @@ impl Sort {
             scatter: context.kernel(&source, "sort_scatter")?,
             scan: Scan::new(context)?,
             digit_bits,
-            keys: [Buffer::new(context, 0)?, Buffer::new(context, 0)?],
-            values: [Buffer::new(context, 0)?, Buffer::new(context, 0)?],
-            places: Buffer::new(context, 0)?,
         })
     }
 
@@ -57,16 +76,31 @@ impl Sort {
     ///
     /// # Errors
     /// [`crate::error::Error::Device`] when memory is short.
-    pub fn reserve(&mut self, context: &Context, count: usize) -> Result<()> {
-        if self.keys[0].len() < count {
-            self.keys = [Buffer::new(context, count)?, Buffer::new(context, count)?];
-            self.values = [Buffer::new(context, count)?, Buffer::new(context, count)?];
+    pub fn reserve(&self, context: &Context, scratch: &mut Scratch, count: usize) -> Result<()> {
+        if scratch.keys[0].len() < count {
+            scratch.keys = [Buffer::new(context, count)?, Buffer::new(context, count)?];
+            scratch.values = [Buffer::new(context, count)?, Buffer::new(context, count)?];
         }
-        let places = share(context, count).0 << self.digit_bits;
-        if self.places.len() < places {
-            self.places = Buffer::new(context, places)?;
+        if scratch.places.len() < self.places(context, count) {
+            scratch.places = Buffer::new(context, self.places(context, count))?;
         }
         Ok(())
+    }
+
+    /// Counters that a sort of `count` pairs takes.
+    pub fn places(&self, context: &Context, count: usize) -> usize {
+        share(context, count).0 << self.digit_bits
+    }
+
+    /// Passes over keys below `limit`.
+    fn passes(&self, limit: usize) -> u32 {
+        let bits = usize::BITS - limit.saturating_sub(1).leading_zeros();
+        bits.div_ceil(self.digit_bits).max(1)
+    }
+
+    /// Which of the two keys and values will hold the result of a sort of keys below `limit`.
+    pub fn result(&self, limit: usize) -> usize {
+        self.passes(limit) as usize % 2
     }
 
     /// Sorts the first `count` of `keys[0]`, all below `limit`, and returns which of the two keys and values hold the
@@ -75,23 +109,22 @@ impl Sort {
     ///
     /// # Errors
     /// [`crate::error::Error::Device`] when a launch is refused.
-    pub fn sort(&self, context: &Context, count: usize, limit: usize) -> Result<usize> {
+    pub fn sort(&self, context: &Context, scratch: &Scratch, count: usize, limit: usize) -> Result<usize> {
         let (items, per_item) = share(context, count);
-        let bits = usize::BITS - limit.saturating_sub(1).leading_zeros();
-        let passes = bits.div_ceil(self.digit_bits).max(1);
+        let passes = self.passes(limit);
         let mut from = 0;
         for pass in 0..passes {
             let (to, shift) = (1 - from, (pass * self.digit_bits) as i32);
             let (count_arg, per_item_arg) = ((count as i32).into(), (per_item as i32).into());
-            let args = [(&self.keys[from]).into(), (&self.places).into(), count_arg, per_item_arg, shift.into()];
+            let args = [(&scratch.keys[from]).into(), (&scratch.places).into(), count_arg, per_item_arg, shift.into()];
             context.launch(&self.count, &args, &[items], None)?;
-            self.scan.exclusive(context, &self.places, items << self.digit_bits)?;
+            self.scan.exclusive(context, &scratch.places, items << self.digit_bits)?;
             let args = [
-                (&self.keys[from]).into(),
-                (&self.values[from]).into(),
-                (&self.places).into(),
-                (&self.keys[to]).into(),
-                (&self.values[to]).into(),
+                (&scratch.keys[from]).into(),
+                (&scratch.values[from]).into(),
+                (&scratch.places).into(),
+                (&scratch.keys[to]).into(),
+                (&scratch.values[to]).into(),
                 count_arg,
                 per_item_arg,
                 shift.into(),
@@ -100,11 +133,7 @@ impl Sort {
             context.launch(&self.scatter, &args, &[items], None)?;
             from = to;
         }
+        debug_assert_eq!(from, self.result(limit));
         Ok(from)
-    }
-
-    /// Bytes held on the device.
-    pub fn bytes(&self) -> usize {
-        self.keys.iter().chain(&self.values).map(Buffer::bytes).sum::<usize>() + self.places.bytes()
     }
 }

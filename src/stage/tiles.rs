@@ -1,9 +1,10 @@
 //! Tiles: a camera's view and photons as stored in, lists of photons by tile out. All on the device but for the boxes
 //! of what tiles see, seven numbers each, from which the host lays the regions out.
 
-use super::grid::{Photons, fit};
+use super::grid::fit;
+use super::photon_map::Photons;
 use super::scan::Scan;
-use super::sort::{Sort, share};
+use super::sort::{Scratch, Sort, share};
 use crate::cells::Bounds;
 use crate::cl::{Arg, Buffer, Context, Kernel};
 use crate::error::Result;
@@ -57,7 +58,7 @@ impl Tiles {
             (&self.tile_photons).into(),
             stored.positions.into(),
             stored.powers.into(),
-            stored.surfaces.into(),
+            stored.faces.into(),
             stored.directions.unwrap_or(&self.no_directions).into(),
         ]
     }
@@ -84,6 +85,7 @@ pub struct TileStage {
     starts: Kernel,
     scan: Scan,
     sort: Sort,
+    scratch: Scratch,
     objects: Buffer<Object>,
     lights: Buffer<Light>,
     frame: Buffer<Frame>,
@@ -116,6 +118,7 @@ impl TileStage {
             starts: context.kernel(&grid, "grid_starts")?,
             scan: Scan::new(context)?,
             sort: Sort::new(context)?,
+            scratch: Scratch::empty(context)?,
             objects: Buffer::new(context, 0)?,
             lights: Buffer::new(context, 0)?,
             frame: Buffer::new(context, 1)?,
@@ -247,7 +250,7 @@ impl TileStage {
             (&tiles.tiles).into(),
             (&tiles.regions).into(),
             photons.positions.into(),
-            photons.surfaces.into(),
+            photons.faces.into(),
             (plan.size[1] as i32).into(),
         ];
         let run: [Arg; 2] = [(photons.count as i32).into(), (per_item as i32).into()];
@@ -264,19 +267,19 @@ impl TileStage {
         // The pairs, sorted by cell.
         fit(context, &mut self.pair_photons, pairs)?;
         fit(context, &mut tiles.tile_photons, pairs.next_multiple_of(TEXEL))?;
-        self.sort.reserve(context, pairs)?;
+        self.sort.reserve(context, &mut self.scratch, pairs)?;
         let spans = (&self.spans).into();
         let places: [Arg; 6] =
-            [(&self.counts).into(), run[0], run[1], spans, (&self.sort.keys[0]).into(), (&self.pair_photons).into()];
+            [(&self.counts).into(), run[0], run[1], spans, (&self.scratch.keys[0]).into(), (&self.pair_photons).into()];
         context.launch(&self.fill, &[&common[..], &places].concat(), &[items], None)?;
-        let sorted = self.sort.sort(context, pairs, plan.cells)?;
+        let sorted = self.sort.sort(context, &self.scratch, pairs, plan.cells)?;
         let (items, per_item) = share(context, pairs);
         let tail: [Arg; 2] = [(pairs as i32).into(), (per_item as i32).into()];
-        let keys: Arg = (&self.sort.keys[sorted]).into();
+        let keys: Arg = (&self.scratch.keys[sorted]).into();
         let args = [keys, (&tiles.cell_starts).into(), tail[0], (plan.cells as i32).into(), tail[1]];
         // One place more than there are pairs: it ends the last cell.
         context.launch(&self.starts, &args, &[(pairs + 1).div_ceil(per_item)], None)?;
-        let order: Arg = (&self.sort.values[sorted]).into();
+        let order: Arg = (&self.scratch.values[sorted]).into();
         let args = [order, (&self.pair_photons).into(), (&tiles.tile_photons).into(), tail[0], tail[1]];
         context.launch(&self.photons, &args, &[items], None)?;
         tiles.plan = plan;
@@ -292,7 +295,7 @@ impl TileStage {
     /// Bytes held on the device, scratch included.
     pub fn bytes(&self) -> usize {
         self.tiles.bytes()
-            + self.sort.bytes()
+            + self.scratch.bytes()
             + self.seen.bytes()
             + self.seen_counts.bytes()
             + self.counts.bytes()

@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3};
 use photile::cells::{CellSize, Form};
 use photile::cl::{Arg, Buffer, Context};
 use photile::cpu::camera::camera_direction;
-use photile::cpu::gather::{PhotonMap, photon_radiance};
+use photile::cpu::gather::{self, photon_radiance};
 use photile::cpu::grid::grid;
 use photile::cpu::scene::{SceneTables, Surface};
 use photile::features::{Features, Lights};
@@ -13,11 +13,12 @@ use photile::gl::{Headless, Program, Target};
 use photile::layout::Frame;
 use photile::pack::Packed;
 use photile::source::{Options, assemble};
-use photile::stage::grid::{GridStage, Wanted};
+use photile::stage::grid::{Grid, GridStage, Wanted};
+use photile::stage::photon_map::PhotonMap;
 use photile::stage::photon_textures::PhotonTextures;
 
 use super::timings::closed_room;
-use super::{DeviceMap, Map, ROOM_SPHERES, Random, device, room, room_photons};
+use super::{Map, ROOM_SPHERES, Random, device, room, room_photons, upload};
 
 const WIDTH: usize = 64;
 const HEIGHT: usize = 48;
@@ -58,6 +59,21 @@ fn frame() -> Frame {
     }
 }
 
+/// The grid that a method reads: methods that read the map as it was stored have it laid out only.
+fn built<'a>(
+    context: &Context,
+    stage: &'a mut GridStage,
+    map: PhotonMap,
+    wanted: &Wanted,
+    method: Method,
+) -> (&'a Grid, Option<PhotonMap>) {
+    let objects = packed().objects;
+    if method.reads_stored() {
+        return (stage.lay_out(context, &objects, &map.view(), wanted).unwrap(), Some(map));
+    }
+    (stage.build(context, &objects, map, wanted).unwrap(), None)
+}
+
 fn on_device(
     context: &Context,
     stage: &mut GridStage,
@@ -66,10 +82,9 @@ fn on_device(
     gathering: Gathering,
     lanes: u32,
 ) -> Vec<[f32; 3]> {
-    let uploaded = DeviceMap::new(context, map);
+    let (grid, stored) = built(context, stage, upload(context, map), wanted, gathering.method);
+    let stored = stored.as_ref().map(PhotonMap::view);
     let packed = packed();
-    let stored = uploaded.photons();
-    let grid = stage.build(context, &packed.objects, &stored, wanted).unwrap();
     let gathering = Gathering { hashed: grid.plan.hashed, ..gathering };
     let lanes = gathering.lanes(lanes);
     let options = Options { lanes, defines: gathering.defines(), ..Options::default() };
@@ -79,7 +94,7 @@ fn on_device(
     let lights = Buffer::from_slice(context, &packed.lights).unwrap();
     let film = Buffer::<[f32; 3]>::new(context, WIDTH * HEIGHT).unwrap();
     let mut args: Vec<Arg> = vec![(&frame).into(), (&objects).into(), (&lights).into()];
-    args.extend(grid.args(&stored, gathering.method));
+    args.extend(grid.args(stored.as_ref(), gathering.method).unwrap());
     let film_args: [Arg; 3] = [(&film).into(), (WIDTH as i32).into(), (HEIGHT as i32).into()];
     args.extend(film_args);
     // More work-items than any block size needs: the kernel drops the surplus.
@@ -95,13 +110,12 @@ fn on_gl(
     wanted: &Wanted,
     gathering: Gathering,
 ) -> Vec<[f32; 3]> {
-    let uploaded = DeviceMap::new(context, map);
+    let (grid, stored) = built(context, stage, upload(context, map), wanted, gathering.method);
+    let stored = stored.as_ref().map(PhotonMap::view);
     let packed = packed();
-    let stored = uploaded.photons();
-    let grid = stage.build(context, &packed.objects, &stored, wanted).unwrap();
     let gathering = Gathering { hashed: grid.plan.hashed, ..gathering };
     let mut photons = PhotonTextures::new(&headless.gl).unwrap();
-    photons.fill(context, grid, &stored, &gathering).unwrap();
+    photons.fill(context, grid, stored.as_ref(), &gathering).unwrap();
     let options = Options { defines: gathering.defines(), ..Options::default() };
     let program = Program::new(&headless.gl, &assemble("trace.frag", Some(&features()), &options)).unwrap();
     let target = Target::new(&headless.gl, WIDTH as u32, HEIGHT as u32, false).unwrap();
@@ -120,7 +134,8 @@ fn by_twin(map: &Map, wanted: &Wanted, gathering: Gathering) -> Vec<[f32; 3]> {
     plan.gather.nearest = wanted.nearest as f32;
     let tables = grid(&map.tables(), &plan);
     let gathering = Gathering { hashed: plan.hashed, ..gathering };
-    let map = PhotonMap { gathering: &gathering, plan: &plan, stored: map.tables(), grid: &tables, tiles: None };
+    let map =
+        gather::PhotonMap { gathering: &gathering, plan: &plan, stored: map.tables(), grid: &tables, tiles: None };
     let pixel = |i: usize| {
         let direction = camera_direction(&frame, (i % WIDTH) as f32 + 0.5, (i / WIDTH) as f32 + 0.5);
         let origin = Vec3::from(frame.position);
@@ -207,7 +222,8 @@ fn share_of_truth_in_corners(gathering: Gathering) -> f32 {
     let scene = SceneTables::new(&packed, &features);
     let plan = map.plan(&packed.objects, 0.5, CellSize::Auto, Form::Auto);
     let tables = grid(&map.tables(), &plan);
-    let map = PhotonMap { gathering: &gathering, plan: &plan, stored: map.tables(), grid: &tables, tiles: None };
+    let map =
+        gather::PhotonMap { gathering: &gathering, plan: &plan, stored: map.tables(), grid: &tables, tiles: None };
     let (mut random, queries, mut sum) = (Random::new(15), 400, 0.0);
     for _ in 0..queries {
         let corner = [0, 1, 2].map(|_| if random.uniform(0.0, 1.0) < 0.5 { -1.0 } else { 1.0 });

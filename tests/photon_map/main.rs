@@ -1,6 +1,7 @@
 //! The photon grid and its gathering: device against twin, grid against brute force.
 
 mod gathered;
+mod memory;
 mod queries;
 mod tables;
 mod tile_timings;
@@ -11,12 +12,12 @@ use std::ops::Deref;
 use std::sync::{Mutex, MutexGuard};
 
 use photile::cells::{CellSize, Form, Plan, plan};
-use photile::cl::{Buffer, Context};
-use photile::cpu::grid::{PhotonTables, grid_bounds};
+use photile::cl::Context;
+use photile::cpu::grid::{PhotonSurface, PhotonTables, face_of, grid_bounds};
 use photile::cpu::random::{hash2_u, unit_real};
-use photile::layout::{Object, PLANE, PhotonDirection, PhotonPosition, PhotonPower, PhotonSurface, SPHERE};
+use photile::layout::{Object, PLANE, PhotonDirection, PhotonPosition, PhotonPower, SPHERE};
 use photile::pipeline::open_device;
-use photile::stage::grid::Photons;
+use photile::stage::photon_map::PhotonMap;
 
 /// A stream of uniform reals, the same everywhere.
 pub struct Random {
@@ -84,34 +85,9 @@ impl Map {
 }
 
 /// The same on the device.
-pub struct DeviceMap {
-    positions: Buffer<PhotonPosition>,
-    powers: Buffer<PhotonPower>,
-    surfaces: Buffer<PhotonSurface>,
-    directions: Buffer<PhotonDirection>,
-    count: usize,
-}
-
-impl DeviceMap {
-    pub fn new(context: &Context, map: &Map) -> DeviceMap {
-        DeviceMap {
-            positions: Buffer::from_slice(context, &map.positions).unwrap(),
-            powers: Buffer::from_slice(context, &map.powers).unwrap(),
-            surfaces: Buffer::from_slice(context, &map.surfaces).unwrap(),
-            directions: Buffer::from_slice(context, &map.directions).unwrap(),
-            count: map.len(),
-        }
-    }
-
-    pub fn photons(&self) -> Photons<'_> {
-        Photons {
-            positions: &self.positions,
-            powers: &self.powers,
-            surfaces: &self.surfaces,
-            directions: Some(&self.directions),
-            count: self.count,
-        }
-    }
+pub fn upload(context: &Context, map: &Map) -> PhotonMap {
+    let faces: Vec<f32> = map.surfaces.iter().map(|surface| face_of(surface) as f32).collect();
+    PhotonMap::from_tables(context, &map.positions, &map.powers, &faces, &map.directions).unwrap()
 }
 
 /// A room of 6 × 4 × 6 m around the origin with an oblique wall, and spheres: one free, one cut by a wall.

@@ -5,28 +5,32 @@ use photile::cl::Context;
 use photile::cpu::grid::{GridTables, grid};
 use photile::layout::TEXEL;
 use photile::stage::grid::{GridStage, Wanted};
+use photile::stage::photon_map::first;
 
-use super::{DeviceMap, Map, Random, device, room, room_photons};
+use super::{Map, Random, device, room, room_photons, upload};
 
 /// What the device made, without the order, which it keeps to itself.
 fn built(context: &Context, stage: &mut GridStage, map: &Map, wanted: &Wanted) -> GridTables {
-    let uploaded = DeviceMap::new(context, map);
-    let grid = stage.build(context, &room(), &uploaded.photons(), wanted).unwrap();
-    let hashed = if grid.plan.hashed { map.len() } else { 0 };
-    let mut tables = GridTables {
+    let uploaded = upload(context, map);
+    let grid = stage.build(context, &room(), uploaded, wanted).unwrap();
+    let sorted = grid.sorted.as_ref().unwrap();
+    assert_eq!(grid.cell_starts.len() % TEXEL, 0, "a list is whole texels");
+    let (count, cells) = (map.len(), &sorted.cells);
+    assert_eq!(cells.is_some(), grid.plan.hashed);
+    let tables = GridTables {
         order: Vec::new(),
-        cell_starts: grid.cell_starts.to_vec(context).unwrap(),
-        positions: grid.positions.to_vec(context).unwrap(),
-        powers: grid.powers.to_vec(context).unwrap(),
-        directions: grid.directions.to_vec(context).unwrap(),
-        cells: grid.cells.to_vec(context).unwrap(),
+        cell_starts: first(context, &grid.cell_starts, grid.plan.cells + 1).unwrap(),
+        positions: first(context, &sorted.positions, count).unwrap(),
+        powers: first(context, &sorted.powers, count).unwrap(),
+        directions: sorted.directions.as_ref().map_or(Vec::new(), |d| first(context, d, count).unwrap()),
+        cells: cells.as_ref().map_or(Vec::new(), |cells| first(context, cells, count).unwrap()),
     };
-    assert_eq!(tables.cell_starts.len() % TEXEL, 0, "a list is whole texels");
-    tables.cell_starts.truncate(grid.plan.cells + 1);
-    tables.positions.truncate(map.len());
-    tables.powers.truncate(map.len());
-    tables.directions.truncate(map.len());
-    tables.cells.truncate(hashed);
+    // And back: what was stored, byte for byte, in the order in which it was stored.
+    let restored = stage.restore(context).unwrap().unwrap();
+    assert!(stage.restore(context).unwrap().is_none(), "it was taken");
+    assert!(first(context, &restored.positions, count).unwrap() == map.positions);
+    assert!(first(context, &restored.powers, count).unwrap() == map.powers);
+    assert!(restored.directions.is_none_or(|d| first(context, &d, count).unwrap() == map.directions));
     tables
 }
 

@@ -17,7 +17,7 @@ use photile::settings::{Amount, Backend, Gather, Settings};
 use photile::stage::tiles::TileStage;
 use photile::tiling::{self, Wanted, plan};
 
-use super::{DeviceMap, Map, ROOM_SPHERES, Random, device, room, room_photons};
+use super::{Map, ROOM_SPHERES, Random, device, room, room_photons, upload};
 
 const FEATURES: Features = Features {
     spheres: true,
@@ -164,7 +164,7 @@ fn device_and_twin_make_the_same_lists_and_see_the_same() {
     let mut random = Random::new(25);
     for (case, count) in [20_000, 3000, 17, 1, 0].into_iter().enumerate() {
         let map = room_photons(count, 26);
-        let uploaded = DeviceMap::new(&context, &map);
+        let uploaded = upload(&context, &map);
         for tile in [[7, 5], [16, 16], [1, 1], [64, 64]] {
             let frame = view(&mut random, 1 + case as u32 % 2);
             let features = Features { one_sample: frame.samples == 1.0, ..FEATURES };
@@ -184,7 +184,7 @@ fn device_and_twin_make_the_same_lists_and_see_the_same() {
                 }
             }
             let expected = tiles(&map.tables(), &twin, &frame).unwrap();
-            let made = stage.fill(&context, twin.clone(), &frame, &uploaded.photons()).unwrap();
+            let made = stage.fill(&context, twin.clone(), &frame, &uploaded.view()).unwrap();
             let mut starts = made.cell_starts.to_vec(&context).unwrap();
             let mut photons = made.tile_photons.to_vec(&context).unwrap();
             starts.truncate(twin.cells + 1);

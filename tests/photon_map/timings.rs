@@ -12,9 +12,10 @@ use photile::layout::{Frame, Object, PLANE};
 use photile::pack::Packed;
 use photile::source::{Options, assemble};
 use photile::stage::grid::{GridStage, Wanted};
+use photile::stage::photon_map::PhotonMap;
 use photile::stage::photon_textures::PhotonTextures;
 
-use super::{DeviceMap, Map, Random, device, surface_point};
+use super::{Map, Random, device, surface_point, upload};
 
 const WIDTH: usize = 640;
 const HEIGHT: usize = 480;
@@ -66,15 +67,18 @@ fn frame() -> Frame {
 /// Median and least milliseconds of some runs, after one that does not count.
 fn time(runs: usize, mut run: impl FnMut()) -> (f64, f64) {
     run();
-    let mut times: Vec<f64> = (0..runs)
-        .map(|_| {
-            let start = Instant::now();
-            run();
-            start.elapsed().as_secs_f64() * 1e3
-        })
-        .collect();
+    let timed = |_| {
+        let start = Instant::now();
+        run();
+        start.elapsed().as_secs_f64() * 1e3
+    };
+    median((0..runs).map(timed).collect())
+}
+
+/// Median and least.
+fn median(mut times: Vec<f64>) -> (f64, f64) {
     times.sort_by(f64::total_cmp);
-    (times[runs / 2], times[0])
+    (times[times.len() / 2], times[0])
 }
 
 #[test]
@@ -85,12 +89,18 @@ fn timings() {
     println!("{}, {} lanes; milliseconds: median (least)", context.device.name, context.device.lanes);
     for count in [12_000, 200_000, 1_000_000] {
         let (packed, map) = closed_room(count);
-        let uploaded = DeviceMap::new(&context, &map);
-        let photons = photile::stage::grid::Photons { directions: None, ..uploaded.photons() };
-        let (median, least) = time(9, || {
-            stage.build(&context, &packed.objects, &photons, &Wanted::radius(0.1)).unwrap();
+        let uploaded = upload(&context, &map);
+        let mut stored = Some(PhotonMap { directions: None, ..uploaded });
+        let times = (0..10).map(|_| {
             context.finish().unwrap();
+            let start = Instant::now();
+            stage.build(&context, &packed.objects, stored.take().unwrap(), &Wanted::radius(0.1)).unwrap();
+            context.finish().unwrap();
+            let time = start.elapsed().as_secs_f64() * 1e3;
+            stored = stage.restore(&context).unwrap();
+            time
         });
+        let (median, least) = median(times.skip(1).collect());
         let rate = count as f64 / median / 1e3;
         println!("grid of {count:>7} photons: {median:6.2} ({least:.2}), {rate:.0} M photons/s");
     }
@@ -107,8 +117,8 @@ fn timings() {
         one_sample: true,
         in_uniforms: true,
     };
-    let uploaded = DeviceMap::new(&context, &map);
-    let photons = photile::stage::grid::Photons { directions: None, ..uploaded.photons() };
+    let uploaded = upload(&context, &map);
+    let mut stored = Some(PhotonMap { directions: None, ..uploaded });
     let frame_buffer = Buffer::from_slice(&context, &[frame()]).unwrap();
     let objects = Buffer::from_slice(&context, &packed.objects).unwrap();
     let lights = Buffer::from_slice(&context, &packed.lights).unwrap();
@@ -117,14 +127,15 @@ fn timings() {
     for radius in [0.1f32, 0.2] {
         for ratio in [0.25, 1.0 / 3.0, 0.5, 1.0] {
             let wanted = Wanted { size: CellSize::Metres([radius * ratio; 3]), ..Wanted::radius(radius) };
-            let grid = stage.build(&context, &packed.objects, &photons, &wanted).unwrap();
+            let map = stored.take().or_else(|| stage.restore(&context).unwrap()).unwrap();
+            let grid = stage.build(&context, &packed.objects, map, &wanted).unwrap();
             let gathering = Gathering { clip: true, ..Gathering::default() };
             for lanes in [context.device.lanes, 1] {
                 let options = Options { lanes, defines: gathering.defines(), ..Options::default() };
                 let source = assemble("trace.cl", Some(&features), &options);
                 let kernel = context.kernel(&source, "trace").unwrap();
                 let mut args: Vec<Arg> = vec![(&frame_buffer).into(), (&objects).into(), (&lights).into()];
-                args.extend(grid.args(&photons, gathering.method));
+                args.extend(grid.args(None, gathering.method).unwrap());
                 let film_args: [Arg; 3] = [(&film).into(), (WIDTH as i32).into(), (HEIGHT as i32).into()];
                 args.extend(film_args);
                 let (columns, rows) = if lanes == 16 { (4, 4) } else { (1, 1) };
@@ -136,7 +147,7 @@ fn timings() {
             }
             let Some(headless) = &headless else { continue };
             let mut textures = PhotonTextures::new(&headless.gl).unwrap();
-            textures.fill(&context, grid, &photons, &gathering).unwrap();
+            textures.fill(&context, grid, None, &gathering).unwrap();
             let options = Options { defines: gathering.defines(), ..Options::default() };
             let program = Program::new(&headless.gl, &assemble("trace.frag", Some(&features), &options)).unwrap();
             let target = Target::new(&headless.gl, WIDTH as u32, HEIGHT as u32, false).unwrap();

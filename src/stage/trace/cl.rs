@@ -78,13 +78,14 @@ impl Trace for ClTrace {
         let mut args: Vec<Arg> = vec![(&self.frame).into(), objects.into(), lights.into()];
         match (active.permutation.gathering, map) {
             (None, _) => {}
-            (Some(gathering), Some(MapView::Device { stored, tiles: Some(tiles), .. }))
+            (Some(gathering), Some(MapView::Device { stored: Some(stored), tiles: Some(tiles), .. }))
                 if gathering.method.is_tiled() =>
             {
                 args.extend(tiles.args(stored));
             }
             (Some(gathering), Some(MapView::Device { stored, grid, .. })) if !gathering.method.is_tiled() => {
-                args.extend(grid.args(stored, gathering.method));
+                let photons = grid.args(stored.as_ref(), gathering.method);
+                args.extend(photons.ok_or_else(|| out_of_order("OpenCL"))?);
             }
             (Some(_), _) => return Err(out_of_order("OpenCL")),
         }
@@ -102,10 +103,7 @@ impl Trace for ClTrace {
     }
 
     fn bytes(&self) -> usize {
-        self.objects.as_ref().map_or(0, Buffer::bytes)
-            + self.lights.as_ref().map_or(0, Buffer::bytes)
-            + self.frame.bytes()
-            + self.film.as_ref().map_or(0, |(_, _, film)| film.bytes())
+        0 // the context counts its buffers
     }
 }
 

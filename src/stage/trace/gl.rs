@@ -135,7 +135,9 @@ impl Trace for GlTrace {
     fn upload_map(&mut self, map: &MapView, gathering: &Gathering) -> Result<u64> {
         let before = self.photons.uploads();
         match map {
-            MapView::Device { context, stored, grid, .. } => self.photons.fill(context, grid, stored, gathering)?,
+            MapView::Device { context, stored, grid, .. } => {
+                self.photons.fill(context, grid, stored.as_ref(), gathering)?
+            }
             MapView::Host { plan, stored, grid, .. } => self.photons.fill_from_host(plan, stored, grid, gathering)?,
         }
         Ok(self.photons.uploads() - before)

@@ -72,7 +72,7 @@ pub trait Trace {
     /// [`Error::Device`] when the device fails.
     fn read(&mut self) -> Result<Image>;
 
-    /// Bytes held on the device.
+    /// Bytes held on the device, apart from OpenCL's buffers, which their context counts.
     fn bytes(&self) -> usize;
 }
 

@@ -1,0 +1,124 @@
+//! The photon map in device memory, in the order in which it was stored.
+
+use bytemuck::Pod;
+
+use crate::cl::{Buffer, Context};
+use crate::error::Result;
+use crate::layout::{PhotonDirection, PhotonPosition, PhotonPower, TEXEL};
+use crate::memory::capacity;
+
+/// A photon map on the device, in path order, then bounce order. 28 bytes a photon, 40 where some surface is glossy.
+pub struct PhotonMap {
+    /// Scene space.
+    pub positions: Buffer<PhotonPosition>,
+    /// Watts per channel.
+    pub powers: Buffer<PhotonPower>,
+    /// 2·object + (0 the side that the object's normal points to | 1 the other); whole texels.
+    pub faces: Buffer<f32>,
+    /// Towards where the photon came from; only where some surface is glossy.
+    pub directions: Option<Buffer<PhotonDirection>>,
+    /// Photons in the map; the buffers may have room for more.
+    pub stored: usize,
+    /// Paths emitted.
+    pub emitted: u32,
+}
+
+/// The same, lent.
+#[derive(Clone, Copy)]
+pub struct Photons<'a> {
+    /// Where.
+    pub positions: &'a Buffer<PhotonPosition>,
+    /// What.
+    pub powers: &'a Buffer<PhotonPower>,
+    /// On what.
+    pub faces: &'a Buffer<f32>,
+    /// From where; only where a glossy surface asks.
+    pub directions: Option<&'a Buffer<PhotonDirection>>,
+    /// Photons stored: the buffers may be longer.
+    pub count: usize,
+}
+
+impl PhotonMap {
+    /// Uninitialised memory for `stored` photons. `old` gives its own where that is large enough: fresh memory costs
+    /// as much as a third of an emission.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Device`] when memory is short.
+    pub fn new(
+        context: &Context,
+        old: Option<PhotonMap>,
+        glossy: bool,
+        stored: usize,
+        emitted: u32,
+    ) -> Result<PhotonMap> {
+        if let Some(old) = old {
+            let tables = [old.positions.len(), old.powers.len(), old.faces.len()];
+            let directions = old.directions.as_ref().map(Buffer::len);
+            if tables.into_iter().chain(directions).all(|len| len >= stored) && directions.is_some() == glossy {
+                return Ok(PhotonMap { stored, emitted, ..old });
+            }
+        }
+        let capacity = capacity(stored);
+        Ok(PhotonMap {
+            positions: Buffer::new(context, capacity)?,
+            powers: Buffer::new(context, capacity)?,
+            faces: Buffer::new(context, capacity.next_multiple_of(TEXEL))?,
+            directions: glossy.then(|| Buffer::new(context, capacity)).transpose()?,
+            stored,
+            emitted,
+        })
+    }
+
+    /// A map with these photons.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Device`] when memory is short.
+    ///
+    /// # Panics
+    /// When the tables differ in length, but for directions where there are none.
+    pub fn from_tables(
+        context: &Context,
+        positions: &[PhotonPosition],
+        powers: &[PhotonPower],
+        faces: &[f32],
+        directions: &[PhotonDirection],
+    ) -> Result<PhotonMap> {
+        let stored = positions.len();
+        assert!([powers.len(), faces.len()] == [stored; 2] && [0, stored].contains(&directions.len()));
+        let mut map = PhotonMap::new(context, None, !directions.is_empty(), stored, 0)?;
+        map.positions.write(context, positions)?;
+        map.powers.write(context, powers)?;
+        map.faces.write(context, faces)?;
+        if let Some(table) = &mut map.directions {
+            table.write(context, directions)?;
+        }
+        Ok(map)
+    }
+
+    /// The map as tiles, gathering and uploads take it.
+    pub fn view(&self) -> Photons<'_> {
+        Photons {
+            positions: &self.positions,
+            powers: &self.powers,
+            faces: &self.faces,
+            directions: self.directions.as_ref(),
+            count: self.stored,
+        }
+    }
+
+    /// Bytes on the device.
+    pub fn bytes(&self) -> usize {
+        let directions = self.directions.as_ref().map_or(0, Buffer::bytes);
+        self.positions.bytes() + self.powers.bytes() + self.faces.bytes() + directions
+    }
+}
+
+/// The first `count` records of a table, on the host.
+///
+/// # Errors
+/// [`crate::error::Error::Device`] when the transfer fails.
+pub fn first<T: Pod>(context: &Context, table: &Buffer<T>, count: usize) -> Result<Vec<T>> {
+    let mut records = vec![T::zeroed(); count];
+    table.read(context, &mut records)?;
+    Ok(records)
+}

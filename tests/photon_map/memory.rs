@@ -1,0 +1,54 @@
+//! A map's memory is what is said, and bounded.
+
+use photile::features::Features;
+use photile::memory::{PER_PHOTON, opencl_bytes};
+use photile::pipeline::{Machine, Pipeline};
+use photile::scene::load;
+use photile::settings::{Amount, Backend, Gather, Method, Settings};
+
+use super::{device, room, room_photons, upload};
+use photile::stage::grid::{GridStage, Wanted};
+
+#[test]
+fn a_map_takes_what_was_said_whatever_the_scenes_extent() {
+    drop(device()); // one test at a time
+    let machine = Machine { backend: Some(Backend::OpenCl), ..Machine::default() };
+    // A closed room; an open plane, hashed; glossy surfaces, which keep directions.
+    for (name, stored, radius) in
+        [("gi_ref", 600_000, None), ("sphere_and_plane", 3_000, Some(0.02)), ("glossy", 100_000, None)]
+    {
+        let scene = load(format!("{}/scenes/{name}.toml", env!("CARGO_MANIFEST_DIR")).as_ref()).unwrap();
+        let mut settings = Settings { width: 32, height: 24, ..Settings::default() };
+        settings.gather = Gather { method: Method::Grid, radius, ..settings.gather };
+        settings.photons.amount = Amount::Stored(stored);
+        let mut pipeline = Pipeline::open(&machine, |_| {}).unwrap();
+        let bytes = |pipeline: &Pipeline| (pipeline.bytes(), pipeline.most_bytes().unwrap());
+        let before = bytes(&pipeline).0;
+        for seed in 0..2 {
+            settings.seed = seed;
+            pipeline.render(&scene, &settings).unwrap();
+        }
+        let said = opencl_bytes(Features::of(&scene, &settings).glossy, stored as usize);
+        let (held, most) = bytes(&pipeline);
+        // Scene, film and slots of the lights apart.
+        let other = before + (64 << 10) + 4 * 32 * 24 * 3;
+        assert!(most <= said + other, "{name}: {most} bytes, {said} were said");
+        assert!(held >= stored as usize * 28, "{name}: {held} bytes cannot hold {stored} photons");
+        assert!(stored < 500_000 || most <= PER_PHOTON * stored as usize, "{name}: {most} bytes");
+    }
+}
+
+#[test]
+fn the_account_is_that_of_the_buffers() {
+    let context = device();
+    let before = context.memory.held();
+    let mut stage = GridStage::new(&context).unwrap();
+    let empty = context.memory.held();
+    let map = upload(&context, &room_photons(10_000, 3));
+    let tables = map.bytes();
+    assert_eq!(context.memory.held(), empty + tables);
+    stage.build(&context, &room(), map, &Wanted::radius(0.2)).unwrap();
+    assert!(context.memory.held() >= before + stage.bytes(), "scans count as well");
+    drop(stage);
+    assert_eq!(context.memory.held(), before);
+}
