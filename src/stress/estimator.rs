@@ -16,17 +16,19 @@ use crate::cells::{CellSize, Form, plan};
 use crate::cl::Buffer;
 use crate::cpu;
 use crate::cpu::camera::camera_direction;
+use crate::cpu::grid::PhotonSurface;
 use crate::cpu::photons::PhotonTables;
 use crate::cpu::random::{hash2_u, unit_real};
 use crate::cpu::scene::SceneTables;
 use crate::error::Result;
 use crate::features::{Features, Lights};
 use crate::gathering::Gathering;
-use crate::layout::{Frame, Object, PLANE, PhotonPosition, PhotonPower, PhotonSurface};
+use crate::layout::{Frame, Object, PLANE, PhotonPosition, PhotonPower};
 use crate::pack::Packed;
 use crate::settings::Backend;
-use crate::stage::grid::{GridStage, Photons, Wanted};
+use crate::stage::grid::{GridStage, Wanted};
 use crate::stage::map::MapView;
+use crate::stage::photon_map::PhotonMap;
 use crate::stage::trace::{ClTrace, CpuTrace, GlTrace, Permutation, Trace};
 
 /// Half the floor's width, metres.
@@ -276,23 +278,20 @@ fn gathered(bench: &Bench, backend: Backend, case: &Case) -> Result<Vec<[f32; 3]
             host(&mut GlTrace::new(&gl.gl, gl.is_software)?)
         }
         (Backend::OpenCl, _, Some(context)) => {
-            let buffers = (
-                Buffer::from_slice(&context, &photons.positions)?,
-                Buffer::from_slice(&context, &photons.powers)?,
-                Buffer::from_slice(&context, &photons.surfaces)?,
-            );
-            let stored = Photons {
-                positions: &buffers.0,
-                powers: &buffers.1,
-                surfaces: &buffers.2,
+            let stored = PhotonMap {
+                positions: Buffer::from_slice(&context, &photons.positions)?,
+                powers: Buffer::from_slice(&context, &photons.powers)?,
+                // All on the upper face of object 0; whole texels.
+                faces: Buffer::from_slice(&context, &vec![0.0; photons.len().next_multiple_of(3)])?,
                 directions: None,
-                count: photons.len(),
+                stored: photons.len(),
+                emitted: photons.emitted,
             };
             let mut stage = GridStage::new(&context)?;
-            let grid = stage.build(&context, &packed.objects, &stored, &Wanted::radius(case.radius))?;
+            let grid = stage.build(&context, &packed.objects, stored, &Wanted::radius(case.radius))?;
             let gathering = Gathering { hashed: grid.plan.hashed, ..gathering };
             let permutation = Permutation { gathering: Some(gathering), ..permutation };
-            let view = MapView::Device { context: &context, stored, grid, tiles: None };
+            let view = MapView::Device { context: &context, stored: None, grid, tiles: None };
             let mut tracer = ClTrace::new(Rc::clone(&context))?;
             picture(&mut tracer, &packed, &permutation, &view, &gathering, &frame)
         }

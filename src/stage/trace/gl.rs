@@ -134,6 +134,10 @@ impl Trace for GlTrace {
 
     fn upload_map(&mut self, map: &MapView, gathering: &Gathering) -> Result<u64> {
         let before = self.photons.uploads();
+        // Another radius or another number of photons: what rows took says little.
+        if let Some((_, _, target)) = &self.target {
+            target.pace.forget();
+        }
         match map {
             MapView::Device { context, stored, grid, .. } => {
                 self.photons.fill(context, grid, stored.as_ref(), gathering)?
