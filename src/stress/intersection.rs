@@ -202,14 +202,18 @@ impl Case {
         to_anchor.max(extent).max(t.unwrap_or(0.0))
     }
 
-    fn by_twin(&self, number: usize, scene: &SceneTables, fault: Option<Fault>) -> Answer {
+    fn by_twin(&self, features: &Features, fault: Option<Fault>) -> Answer {
         let (anchor, extent) = (Vec3::from(self.object.anchor), self.object.extent);
         let t = match (self.class.is_plane(), fault) {
             (true, _) => hit_plane(self.origin, self.direction, anchor, extent, self.on),
             (false, Some(Fault::NaiveSphere)) => naive_sphere(self.origin, self.direction, anchor, extent),
             (false, _) => hit_sphere(self.origin, self.direction, anchor, extent, self.on),
         };
-        let surface = scene.surface_at(self.origin, self.direction, Hit { t, next: INFINITE, object: number });
+        // A scene of this object alone.
+        let objects = std::slice::from_ref(&self.object);
+        let sphere_count = usize::from(!self.class.is_plane());
+        let scene = SceneTables { objects, sphere_count, lights: &[], features };
+        let surface = scene.surface_at(self.origin, self.direction, Hit { t, next: INFINITE, object: 0 });
         let ([px, py, pz], [nx, ny, nz]) = (surface.position.to_array(), surface.normal.to_array());
         [t, px, py, pz, nx, ny, nz, surface.side].map(f32::to_bits)
     }
@@ -338,10 +342,18 @@ pub(super) fn run(bench: &mut Bench) -> Result<Found> {
     for backend in bench.backends() {
         bench.step(&format!("intersection: {}", backend.name()));
         let answers = match backend {
-            Backend::Cpu => by_twin(bench, &cases, &packed, fault),
+            Backend::Cpu => by_twin(bench, &cases, fault),
             _ => {
                 let body = "STRESS_INTERSECTION";
-                let task = Task { body, packed: &packed, in_uniforms: false, cases: &rays, batch: 1 << 20, fault };
+                let task = Task {
+                    body,
+                    packed: &packed,
+                    alone: true,
+                    in_uniforms: false,
+                    cases: &rays,
+                    batch: 1 << 20,
+                    fault,
+                };
                 bench.lab.ask(backend, &task, cases.len())?
             }
         };
@@ -356,7 +368,7 @@ pub(super) fn run(bench: &mut Bench) -> Result<Found> {
         curves.push(curve(backend.name(), &cases, &exact, &answers));
     }
     // For comparison, what is usually written.
-    let naive = by_twin(bench, &cases, &packed, Some(Fault::NaiveSphere));
+    let naive = by_twin(bench, &cases, Some(Fault::NaiveSphere));
     curves.push(curve("school's formula", &cases, &exact, &naive));
     let chart = Chart {
         title: "Ray against sphere: largest error of t".into(),
@@ -368,7 +380,7 @@ pub(super) fn run(bench: &mut Bench) -> Result<Found> {
     Ok(found)
 }
 
-fn by_twin(bench: &Bench, cases: &[Case], packed: &Packed, fault: Option<Fault>) -> Vec<Answer> {
+fn by_twin(bench: &Bench, cases: &[Case], fault: Option<Fault>) -> Vec<Answer> {
     let features = Features {
         spheres: true,
         planes: true,
@@ -380,9 +392,7 @@ fn by_twin(bench: &Bench, cases: &[Case], packed: &Packed, fault: Option<Fault>)
         one_sample: true,
         in_uniforms: false,
     };
-    let scene = SceneTables::new(packed, &features);
-    let answer = |(number, case): (usize, &Case)| case.by_twin(number, &scene, fault);
-    bench.pool.install(|| cases.par_iter().enumerate().map(answer).collect())
+    bench.pool.install(|| cases.par_iter().map(|case| case.by_twin(&features, fault)).collect())
 }
 
 /// The largest relative error of t by distance in radii, of rays from outside that do not graze.

@@ -32,6 +32,8 @@ pub struct Task<'a> {
     pub body: &'static str,
     /// Objects that it meets.
     pub packed: &'a Packed,
+    /// Each object is a scene of its own: none of them cuts another.
+    pub alone: bool,
     /// Objects travel in uniforms on OpenGL, as those of small scenes do.
     pub in_uniforms: bool,
     /// Its own table.
@@ -93,7 +95,7 @@ impl Lab {
         defines.extend(task.fault.map(|fault| fault.define()));
         let frame = Frame {
             sphere_count: task.packed.sphere_count as f32,
-            plane_count: task.packed.plane_count() as f32,
+            plane_count: if task.alone { 0.0 } else { task.packed.plane_count() as f32 },
             ..Frame::default()
         };
         match (backend, &self.gl, &self.cl) {

@@ -166,7 +166,7 @@ fn ask(bench: &Bench, case: &Case, backend: Backend, items: usize) -> Result<Vec
     let cases =
         [case.low.to_array(), case.high.to_array(), [case.tolerance, RAYS as f32, SEED as f32], case.start.to_array()];
     let (body, packed) = ("STRESS_LEAKS", &case.packed);
-    let task = Task { body, packed, in_uniforms: true, cases: &cases, batch: 1 << 12, fault };
+    let task = Task { body, packed, alone: false, in_uniforms: true, cases: &cases, batch: 1 << 12, fault };
     bench.lab.ask(backend, &task, items)
 }
 

@@ -58,7 +58,15 @@ pub(super) fn run(bench: &mut Bench) -> Result<Found> {
             Backend::Cpu => bench.pool.install(|| counters.par_iter().map(|pair| twin(*pair, fault)).collect()),
             _ => {
                 let body = "STRESS_RANDOM";
-                let task = Task { body, packed: &packed, in_uniforms: false, cases: &cases, batch: 1 << 20, fault };
+                let task = Task {
+                    body,
+                    packed: &packed,
+                    alone: true,
+                    in_uniforms: false,
+                    cases: &cases,
+                    batch: 1 << 20,
+                    fault,
+                };
                 bench.lab.ask(backend, &task, counters.len())?
             }
         };
