@@ -47,7 +47,7 @@ impl GlTrace {
             objects: TableTexture::new(gl, TEXTURE_WIDTH_LOG2)?,
             lights: TableTexture::new(gl, TEXTURE_WIDTH_LOG2)?,
             small: None,
-            photons: PhotonTextures::new(gl)?,
+            photons: PhotonTextures::new(gl, is_software)?,
             target: None,
             programs: HashMap::new(),
             active: None,
