@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 
 use crate::error::{Error, Result};
-use crate::layout::{Emitter, PLANE};
+use crate::layout::{Emitter, Object, PLANE};
 use crate::pack::Packed;
 pub use crate::settings::{Amount, Sampler};
 
@@ -28,6 +28,15 @@ pub const ROWS_LOG2: u32 = 6;
 pub const COLUMNS_LOG2: u32 = 7;
 /// Cells of the whole sphere, all of equal solid angle.
 pub const CELLS: usize = 1 << (ROWS_LOG2 + COLUMNS_LOG2);
+/// Bits of an entry of the emission map that name its cell.
+pub const CELL_BITS: u32 = ROWS_LOG2 + COLUMNS_LOG2;
+/// Bits that tell how many parts, of equal solid angle, the cell is divided into; and which of them this entry is.
+pub const PART_BITS: u32 = 9;
+
+/// An entry of an emission map: part `part` of the `parts` of a cell.
+pub fn entry(cell: u32, parts: u32, part: u32) -> u32 {
+    cell | parts << CELL_BITS | part << (CELL_BITS + PART_BITS)
+}
 
 /// The lights' shares of the paths. A round of `1 << slots_log2` paths serves each light in proportion to the flux
 /// that can hit something, in an order in which any part of a round is as well shared as it can be.
@@ -37,12 +46,13 @@ pub struct Plan {
     pub slots_log2: u32,
     /// By slot: light `<< slots_log2` | rank of the slot among the light's own.
     pub slots: Vec<u32>,
-    /// By light: slots of a round, first cell, number of cells.
+    /// By light: slots of a round, first entry of the emission map, number of entries.
     pub counts: Vec<[u32; 3]>,
-    /// Cells of the sphere of directions in which something can be hit, light by light, ascending. Empty when that is
-    /// all of them for every light.
+    /// The emission map, light by light: cells of the sphere of directions in which something can be hit, ascending,
+    /// each divided into as many parts as it is worth (see [`entry`]). Every entry gets equally many paths, whose power
+    /// is in proportion to the part's solid angle. Empty when something can be hit everywhere, by every light.
     pub cells: Vec<u32>,
-    /// By light: position and flux into its cells (W per channel).
+    /// By light: position, and flux into its cells (W per channel).
     lights: Vec<([f32; 3], DVec3)>,
 }
 
@@ -53,6 +63,49 @@ impl Plan {
     /// [`Error::Usage`] for more lights than slots can name.
     pub fn new(packed: &Packed) -> Result<Plan> {
         Plan::with_cells(packed, |light, cell| can_hit(packed, light, cell))
+    }
+
+    /// The plan that suits what is stored.
+    ///
+    /// # Errors
+    /// As [`Plan::new`].
+    pub fn of(packed: &Packed, store_direct: bool) -> Result<Plan> {
+        if store_direct { Plan::new(packed) } else { Plan::indirect(packed) }
+    }
+
+    /// The same where photons straight from the light are not stored: directions get more paths where their light
+    /// goes on to another surface. In a room, where it does so everywhere, that changes nothing.
+    ///
+    /// # Errors
+    /// As [`Plan::new`].
+    pub fn indirect(packed: &Packed) -> Result<Plan> {
+        let mut plan = Plan::new(packed)?;
+        if !plan.cells.is_empty() {
+            plan.weigh(packed);
+        }
+        Ok(plan)
+    }
+
+    /// Divides cells into parts, by what their light is worth.
+    fn weigh(&mut self, packed: &Packed) {
+        let kept = std::mem::take(&mut self.cells);
+        for (light, counts) in self.counts.iter_mut().enumerate() {
+            let own = &kept[counts[1] as usize..(counts[1] + counts[2]) as usize];
+            let cells = own.iter().map(|entry| entry & (CELLS as u32 - 1));
+            let position = DVec3::from(packed.lights[light].position.map(f64::from));
+            // The variance of a sum of what is mostly nothing is least where directions are chosen by the root of how
+            // often it is something (Rubinstein 1981, on importance sampling).
+            let worths: Vec<f64> = cells.clone().map(|cell| worth(packed, position, cell).sqrt()).collect();
+            let mean = worths.iter().sum::<f64>() / worths.len().max(1) as f64;
+            counts[1] = self.cells.len() as u32;
+            for (cell, worth) in cells.zip(&worths) {
+                // A quarter is shared out evenly: the worth is an estimate, and power is never more than fourfold.
+                let share = if mean > 0.0 { 0.25 + 0.75 * worth / mean } else { 1.0 };
+                let parts = ((PARTS * share).round() as u32).clamp(1, (1 << PART_BITS) - 1);
+                self.cells.extend((0..parts).map(|part| entry(cell, parts, part)));
+            }
+            counts[2] = self.cells.len() as u32 - counts[1];
+        }
     }
 
     /// For a packed scene, without the map: paths leave in all directions.
@@ -76,7 +129,7 @@ impl Plan {
         for light in &packed.lights {
             let first = plan.cells.len();
             let position = DVec3::from(light.position.map(f64::from));
-            plan.cells.extend((0..CELLS as u32).filter(|cell| kept(position, *cell)));
+            plan.cells.extend((0..CELLS as u32).filter(|cell| kept(position, *cell)).map(|cell| entry(cell, 1, 0)));
             let kept = plan.cells.len() - first;
             plan.counts.push([0, first as u32, kept as u32]);
             let flux = DVec3::from(light.intensity.map(f64::from)) * (4.0 * std::f64::consts::PI);
@@ -153,13 +206,69 @@ impl Plan {
             let slots = self.counts[light][0];
             let expected = f64::from(paths) * f64::from(slots) / f64::from(1u32 << self.slots_log2);
             let number = if served { own[light] as f64 } else { expected };
+            // Of a cell that is one part: kernels divide by the number of its parts.
+            let [_, first, entries] = self.counts[light];
+            let own = self.cells.get(first as usize..(first + entries) as usize).unwrap_or(&[]);
+            let cells = own.iter().filter(|entry| *entry >> (CELL_BITS + PART_BITS) == 0).count();
             let largest = flux.max_element();
+            let a_cell = if cells > 0 { f64::from(entries) / cells as f64 } else { 1.0 };
             let color = if largest > 0.0 { (*flux / largest).as_vec3() } else { Vec3::ZERO };
-            let power = if slots == 0 || paths == 0 { 0.0 } else { (largest / number) as f32 };
+            let power = if slots == 0 || paths == 0 { 0.0 } else { (largest * a_cell / number) as f32 };
             emitters.push(Emitter { position: *position, color: color.to_array(), power, ..Emitter::default() });
         }
         emitters
     }
+}
+
+/// Parts that a cell of mean worth is divided into.
+const PARTS: f64 = 4.0;
+
+/// Of the light that leaves through a cell, how much meets another surface after the first one: from the cell's axis,
+/// for diffuse and mirrored directions alike.
+fn worth(packed: &Packed, light: DVec3, cell: u32) -> f64 {
+    let (axis, _) = bounding_cone(cell);
+    let Some((object, point)) = nearest(packed, light, axis, None) else { return 0.0 };
+    let hit = &packed.objects[object];
+    let anchor = DVec3::from(hit.anchor.map(f64::from));
+    let normal = if hit.kind == PLANE { anchor } else { (point - anchor).normalize() };
+    let normal = if normal.dot(axis) > 0.0 { -normal } else { normal };
+    let albedo = f64::from(hit.color.iter().copied().fold(0.0, f32::max) * hit.diffuse);
+    // Directions of density cos/π, on a spiral (Vogel 1979): the normal plus points of the unit sphere.
+    let goes_on = (0..DIRECTIONS).filter(|i| {
+        let height = 1.0 - (2.0 * f64::from(*i) + 1.0) / f64::from(DIRECTIONS);
+        let (sine, cosine) = (f64::from(*i) * 2.399_963).sin_cos();
+        let radius = (1.0 - height * height).sqrt();
+        let direction = normal + DVec3::new(radius * cosine, height, radius * sine);
+        nearest(packed, point, direction.normalize_or(normal), Some(object)).is_some()
+    });
+    let diffuse = albedo * goes_on.count() as f64 / f64::from(DIRECTIONS);
+    let mirrored = axis - normal * (2.0 * axis.dot(normal));
+    let glossy = f64::from(hit.specular);
+    diffuse + if glossy > 0.0 && nearest(packed, point, mirrored, Some(object)).is_some() { glossy } else { 0.0 }
+}
+
+/// Directions that a surface's light is followed in.
+const DIRECTIONS: u32 = 64;
+
+/// The first object along a ray that starts on `origin_on`, and where; for estimates only.
+fn nearest(packed: &Packed, origin: DVec3, direction: DVec3, origin_on: Option<usize>) -> Option<(usize, DVec3)> {
+    let distance = |(number, object): (usize, &Object)| {
+        let anchor = DVec3::from(object.anchor.map(f64::from));
+        let extent = f64::from(object.extent);
+        let own = origin_on == Some(number);
+        let distance = if object.kind == PLANE {
+            if own { -1.0 } else { (extent - anchor.dot(origin)) / anchor.dot(direction) }
+        } else {
+            let approach = (anchor - origin).dot(direction);
+            let half_chord = (extent * extent - (origin + direction * approach - anchor).length_squared()).sqrt();
+            let entry = approach - half_chord; // NaN where the ray misses
+            if own || entry <= 0.0 { approach + half_chord } else { entry }
+        };
+        // Outwards from a sphere its far side is where the ray starts.
+        (distance > if own { 1e-6 * extent } else { 0.0 } && distance.is_finite()).then_some((number, distance))
+    };
+    let hits = packed.objects.iter().enumerate().filter_map(distance);
+    hits.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(number, distance)| (number, origin + direction * distance))
 }
 
 /// Whether some direction of a cell, seen from a light, can hit some object; in doubt, yes.

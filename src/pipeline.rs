@@ -245,8 +245,9 @@ impl Pipeline {
                 chosen = self.choose(settings, radius, &tables, &frame, stored)?;
                 // Tiles take photons as they were stored.
                 if !chosen.method.is_tiled() {
-                    chosen.hashed =
-                        self.map.sort(&grid_wanted(settings, radius, self.backend, packed.origin), chosen.method)?;
+                    chosen.hashed = self
+                        .map
+                        .sort(&grid_wanted(settings, radius, self.gathers_alone(), packed.origin), chosen.method)?;
                 }
                 times.grid = lap.ms();
             }
@@ -366,6 +367,11 @@ impl Pipeline {
         Ok(Chosen { method: best.method, tile: best.tile.unwrap_or(asked.tile), ..asked })
     }
 
+    /// Whether every query walks through the grid on its own: fragments, and work-items of one lane.
+    fn gathers_alone(&self) -> bool {
+        self.backend == Backend::OpenGl || self.backend == Backend::OpenCl && self.devices.lanes == Some(1)
+    }
+
     /// Bytes held on the device.
     pub fn bytes(&self) -> usize {
         self.tracer.bytes() + self.map.bytes()
@@ -402,14 +408,14 @@ impl Drop for Pipeline {
     }
 }
 
-/// The grid that these settings ask for.
-fn grid_wanted(settings: &Settings, radius: f32, backend: Backend, origin: DVec3) -> Wanted {
+/// The grid that these settings ask for; `alone`: for queries that walk one by one.
+fn grid_wanted(settings: &Settings, radius: f32, alone: bool, origin: DVec3) -> Wanted {
     let size = match (settings.gather.lattice, settings.gather.cells) {
         (Some(Lattice { corner, cell }), _) => {
             CellSize::Lattice { corner: (DVec3::from(corner) - origin).as_vec3().to_array(), cell }
         }
         (None, Some(counts)) => CellSize::Counts(counts),
-        (None, None) if backend == Backend::OpenGl => CellSize::Alone,
+        (None, None) if alone => CellSize::Alone,
         (None, None) => CellSize::Auto,
     };
     Wanted { radius, size, form: Form::Auto, nearest: settings.gather.nearest }

@@ -51,8 +51,8 @@ INLINE Photon emit_photon(SCENE_PARAMS EMISSION_PARAMS Uint path, Uint stream) {
     photon.turn = sequence_u(index, R4_STEP_3, number_u(shift, 7u));
 #endif
 #ifdef HAS_EMISSION_MAP
-    // Only cells of the sphere in which something can be hit: the first number chooses one of them, and what is left
-    // of it the height within.
+    // Only cells of the sphere in which something can be hit, each in parts of equal height, more of them where its
+    // light is worth more: the first number chooses a part, and what is left of it the height within.
 #ifdef ONE_EMITTER
     uint first = emitter_counts[1];
     uint cells = emitter_counts[2];
@@ -60,10 +60,14 @@ INLINE Photon emit_photon(SCENE_PARAMS EMISSION_PARAMS Uint path, Uint stream) {
     Uint first = FETCH_U(emitter_counts, (slot >> SLOTS_LOG2) * 3u + 1u);
     Uint cells = FETCH_U(emitter_counts, (slot >> SLOTS_LOG2) * 3u + 2u);
 #endif
-    Uint cell = FETCH_U(emission_cells, multiply_high(height, lanes_u(cells)) + first);
+    Uint entry = FETCH_U(emission_cells, multiply_high(height, lanes_u(cells)) + first);
+    Uint cell = entry & (EMISSION_ROWS * EMISSION_COLUMNS - 1u);
+    Real parts = u_to_real((entry >> EMISSION_CELL_BITS) & ((1u << EMISSION_PART_BITS) - 1u));
+    Real part = u_to_real(entry >> (EMISSION_CELL_BITS + EMISSION_PART_BITS));
     Real row = u_to_real(cell >> EMISSION_COLUMNS_LOG2);
     Uint column = cell & (EMISSION_COLUMNS - 1u);
-    Real z = 1.0f - (row + unit_real(height * cells)) * (2.0f / float_of(EMISSION_ROWS));
+    Real z = 1.0f - (row + (part + unit_real(height * cells)) / parts) * (2.0f / float_of(EMISSION_ROWS));
+    photon.power = photon.power / parts;
     photon.direction = sphere_at(z, (column << (32u - EMISSION_COLUMNS_LOG2)) + (turn >> EMISSION_COLUMNS_LOG2));
 #else
     photon.direction = sample_sphere(height, turn);

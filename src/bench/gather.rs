@@ -128,7 +128,7 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Meas
 fn emit(scene: &SceneTables, packed: &Packed, stored: u32) -> Result<PhotonTables> {
     let amount = Amount::Stored(stored);
     let emission = Emission { amount, seed: 0, pass: 0, sampler: Sampler::default(), store_direct: false };
-    photons(scene, &emission::Plan::new(packed)?, &emission)
+    photons(scene, &emission::Plan::indirect(packed)?, &emission)
 }
 
 /// Points of a coarse raster of pixels ask a grid for their photons.

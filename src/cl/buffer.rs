@@ -6,7 +6,7 @@ use std::ptr;
 use std::rc::Rc;
 
 use bytemuck::Pod;
-use opencl3::memory::{Buffer as ClBuffer, CL_MEM_READ_WRITE, ClMem};
+use opencl3::memory::{Buffer as ClBuffer, CL_MAP_READ, CL_MEM_READ_WRITE, ClMem};
 use opencl3::types::{CL_BLOCKING, cl_mem, cl_uchar};
 
 use super::{Context, failed};
@@ -141,11 +141,71 @@ impl<T: Pod> Buffer<T> {
         if into.is_empty() {
             return Ok(());
         }
-        let bytes: &mut [u8] = bytemuck::cast_slice_mut(into);
+        self.read_bytes(context, bytemuck::cast_slice_mut(into))
+    }
+
+    /// Fills `bytes` from the start of the buffer.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Device`] when the transfer fails.
+    ///
+    /// # Panics
+    /// When `bytes` is longer than the buffer.
+    pub fn read_bytes(&self, context: &Context, bytes: &mut [u8]) -> Result<()> {
+        assert!(bytes.len() <= self.bytes(), "{} bytes out of a buffer of {}", bytes.len(), self.bytes());
         // SAFETY: blocking, so `bytes` is borrowed until the transfer is done; the length was checked above.
         unsafe { context.queue.enqueue_read_buffer(&self.memory, CL_BLOCKING, 0, bytes, &[]) }
             .map(|_| ())
             .map_err(|e| failed("readback", e))
+    }
+
+    /// Overwrites the first `count` records with those of another buffer, on the device. Returns at once; the queue is in
+    /// order.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Device`] when the transfer is refused.
+    ///
+    /// # Panics
+    /// When either buffer is shorter.
+    pub fn copy_from(&mut self, context: &Context, from: &Buffer<T>, count: usize) -> Result<()> {
+        assert!(count <= self.len.min(from.len), "{count} records from {} into {}", from.len, self.len);
+        if count == 0 {
+            return Ok(());
+        }
+        let bytes = count * size_of::<T>();
+        // SAFETY: OpenCL keeps both buffers until the copy is done; lengths were checked above.
+        unsafe { context.queue.enqueue_copy_buffer(&from.memory, &mut self.memory, 0, 0, bytes, &[]) }
+            .map(|_| ())
+            .map_err(|e| failed("copy", e))
+    }
+
+    /// Shows the first `count` records to `use_them` where they lie, without a copy where the device's memory is the
+    /// host's.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Device`] when the transfer fails, and those of `use_them`.
+    ///
+    /// # Panics
+    /// When the buffer is shorter.
+    pub fn mapped<R>(&self, context: &Context, count: usize, use_them: impl FnOnce(&[T]) -> Result<R>) -> Result<R> {
+        assert!(count <= self.len, "{count} records of a buffer of {}", self.len);
+        if count == 0 {
+            return use_them(&[]);
+        }
+        let mut address: cl_mem = ptr::null_mut();
+        let bytes = count * size_of::<T>();
+        // SAFETY: blocking, so the records are there when the call returns; the length was checked above.
+        unsafe {
+            context.queue.enqueue_map_buffer(&self.memory, CL_BLOCKING, CL_MAP_READ, 0, bytes, &mut address, &[])
+        }
+        .map_err(|e| failed("mapping", e))?;
+        // SAFETY: the mapping holds `count` records of any bits until it is undone, and nothing writes meanwhile: the
+        // queue is in order and waited for.
+        let result = use_them(unsafe { std::slice::from_raw_parts(address.cast::<T>(), count) });
+        // SAFETY: mapped above, and the slice is gone.
+        let unmapped = unsafe { context.queue.enqueue_unmap_mem_object(self.memory.get(), address, &[]) };
+        unmapped.map_err(|e| failed("unmapping", e))?;
+        result
     }
 
     /// The record at `index`.

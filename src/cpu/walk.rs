@@ -6,7 +6,7 @@ use super::bsdf::smith_v;
 use super::camera::normalize3;
 use super::random::{R4_STEPS, hash_u, sequence_u, unit_real};
 use super::scene::{SceneTables, Surface};
-use crate::emission::{COLUMNS_LOG2, Plan, ROWS_LOG2, Sampler};
+use crate::emission::{CELL_BITS, CELLS, COLUMNS_LOG2, PART_BITS, Plan, ROWS_LOG2, Sampler};
 use crate::layout::Emitter;
 
 /// (cos, sin) of 2π·(turn/2³² − 1/8).
@@ -109,13 +109,17 @@ pub fn emit_photon(plan: &Plan, emitters: &[Emitter], sampler: Sampler, path: u3
         Sampler::Sequence => sequence_u(index, R4_STEPS[d], number_u(shift, 4 + d as u32)),
     };
     let (height, turn) = (number(0), number(1));
+    let mut parts = 1.0;
     let direction = if plan.cells.is_empty() {
         sample_sphere(height, turn)
     } else {
         let chosen = u64::from(height) * u64::from(cells);
-        let cell = plan.cells[(first_cell + (chosen >> 32) as u32) as usize];
+        let entry = plan.cells[(first_cell + (chosen >> 32) as u32) as usize];
+        let cell = entry & (CELLS as u32 - 1);
+        parts = (entry >> CELL_BITS & ((1 << PART_BITS) - 1)) as f32;
+        let part = (entry >> (CELL_BITS + PART_BITS)) as f32;
         let (row, column) = (cell >> COLUMNS_LOG2, cell & ((1 << COLUMNS_LOG2) - 1));
-        let z = 1.0 - (row as f32 + unit_real(chosen as u32)) * (2.0 / (1 << ROWS_LOG2) as f32);
+        let z = 1.0 - (row as f32 + (part + unit_real(chosen as u32)) / parts) * (2.0 / (1 << ROWS_LOG2) as f32);
         sphere_at(z, (column << (32 - COLUMNS_LOG2)).wrapping_add(turn >> COLUMNS_LOG2))
     };
     let emitter = &emitters[light as usize];
@@ -123,7 +127,7 @@ pub fn emit_photon(plan: &Plan, emitters: &[Emitter], sampler: Sampler, path: u3
         position: emitter.position.into(),
         direction,
         throughput: emitter.color.into(),
-        power: emitter.power,
+        power: emitter.power / parts,
         object: None,
         bounce: 0,
         key,

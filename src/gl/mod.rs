@@ -1,12 +1,14 @@
 //! OpenGL 3.3 core: contexts, programs, textures, targets. All `unsafe` towards EGL and GL is in this folder.
 
 mod headless;
+mod pixel_buffer;
 mod probe;
 mod program;
 mod target;
 mod texture;
 
 pub use headless::{Headless, contexts};
+pub use pixel_buffer::PixelBuffer;
 pub use probe::probe;
 pub use program::Program;
 pub use target::Target;

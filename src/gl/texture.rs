@@ -1,9 +1,9 @@
 //! Tables as RGB32F textures, read with GL_NEAREST.
 
 use bytemuck::Pod;
-use glow::HasContext;
+use glow::{HasContext, PixelUnpackData};
 
-use super::Functions;
+use super::{Functions, PixelBuffer};
 use crate::error::{Error, Result};
 use crate::layout::{Record, Shape, TEXEL};
 
@@ -54,10 +54,35 @@ impl TableTexture {
     /// As [`TableTexture::fill`].
     pub fn fill_texels<F: Pod>(&mut self, texels: &[F]) -> Result<()> {
         let floats: &[f32] = bytemuck::cast_slice(texels);
-        let texels = floats.len() / TEXEL;
+        self.allocate(floats.len() / TEXEL)?;
+        self.fill_from(floats.len() / TEXEL, |first, texels| {
+            PixelUnpackData::Slice(Some(bytemuck::cast_slice(&floats[first * TEXEL..(first + texels) * TEXEL])))
+        })
+    }
+
+    /// The same from a pixel buffer object, into which `write` puts the texels: for records that lie on the GPU, which
+    /// come and go by DMA this way.
+    ///
+    /// # Errors
+    /// As [`TableTexture::fill`], and those of `write`.
+    pub fn fill_through(
+        &mut self,
+        buffer: &mut PixelBuffer,
+        texels: usize,
+        write: impl FnOnce(&mut [u8]) -> Result<()>,
+    ) -> Result<()> {
+        self.allocate(texels)?;
+        buffer.write(texels * TEXEL * 4, write)?;
+        let filled = self.fill_from(texels, |first, _| PixelUnpackData::BufferOffset((first * TEXEL * 4) as u32));
+        buffer.unbind();
+        filled
+    }
+
+    /// Makes the image for so many texels, where it is not there yet.
+    fn allocate(&mut self, texels: usize) -> Result<()> {
         let shape = Shape::of(texels, self.width_log2);
         let gl = &self.gl;
-        // SAFETY: the context is current; every slice has exactly the size of the rows it fills, checked by `Shape`.
+        // SAFETY: the context is current, and no pixel buffer is bound: the image's memory is only made.
         unsafe {
             let limit = gl.get_parameter_i32(glow::MAX_TEXTURE_SIZE) as u32;
             if shape.height > limit || shape.width > limit {
@@ -67,7 +92,6 @@ impl TableTexture {
                 )));
             }
             gl.bind_texture(glow::TEXTURE_2D, Some(self.handle));
-            gl.pixel_store_i32(glow::UNPACK_ALIGNMENT, 4);
             if self.shape != Some(shape) {
                 gl.tex_image_2d(
                     glow::TEXTURE_2D,
@@ -78,25 +102,35 @@ impl TableTexture {
                     0,
                     glow::RGB,
                     glow::FLOAT,
-                    glow::PixelUnpackData::Slice(None),
+                    PixelUnpackData::Slice(None),
                 );
                 self.shape = Some(shape);
             }
-            let row = shape.width as usize * TEXEL;
-            let (whole, rest) = floats.split_at(floats.len() / row * row);
-            for (y, part, columns) in [(0, whole, shape.width as usize), (whole.len() / row, rest, rest.len() / TEXEL)]
-            {
-                if !part.is_empty() {
+        }
+        Ok(())
+    }
+
+    /// Whole rows, then what is left; `part` gives so many texels from the first on.
+    fn fill_from<'a>(&mut self, texels: usize, part: impl Fn(usize, usize) -> PixelUnpackData<'a>) -> Result<()> {
+        let width = Shape::of(texels, self.width_log2).width as usize;
+        let gl = &self.gl;
+        // SAFETY: the context is current; every part has exactly the size of the rows it fills, checked by `Shape`.
+        unsafe {
+            gl.bind_texture(glow::TEXTURE_2D, Some(self.handle));
+            gl.pixel_store_i32(glow::UNPACK_ALIGNMENT, 4);
+            let rows = texels / width;
+            for (y, columns, rows) in [(0, width, rows), (rows, texels % width, 1)] {
+                if columns * rows > 0 {
                     gl.tex_sub_image_2d(
                         glow::TEXTURE_2D,
                         0,
                         0,
                         y as i32,
                         columns as i32,
-                        (part.len() / (columns * TEXEL)) as i32,
+                        rows as i32,
                         glow::RGB,
                         glow::FLOAT,
-                        glow::PixelUnpackData::Slice(Some(bytemuck::cast_slice(part))),
+                        part(y * width, columns * rows),
                     );
                 }
             }

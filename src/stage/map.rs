@@ -121,14 +121,15 @@ impl MapStage {
     /// # Errors
     /// [`Error::Build`] and [`Error::Device`] from the device; [`Error::Usage`] for too many lights.
     pub fn upload(&mut self, packed: &Packed, features: &Features, emission: &Emission) -> Result<()> {
+        let plan = emission::Plan::of(packed, emission.store_direct)?;
         match self {
             MapStage::Device(map) => {
-                map.photons.upload(packed)?;
+                map.photons.upload(packed, plan)?;
                 map.packed = Some(packed.clone());
                 map.photons.compile(features, emission)
             }
             MapStage::Host(map) => {
-                map.scene = Some((packed.clone(), *features, emission::Plan::new(packed)?));
+                map.scene = Some((packed.clone(), *features, plan));
                 Ok(())
             }
         }

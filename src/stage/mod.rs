@@ -5,6 +5,7 @@ pub mod map;
 pub mod photon_map;
 pub mod photon_textures;
 pub mod photons;
+mod recorder;
 pub mod scan;
 pub mod sort;
 pub mod tiles;

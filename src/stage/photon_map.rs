@@ -51,12 +51,8 @@ impl PhotonMap {
         stored: usize,
         emitted: u32,
     ) -> Result<PhotonMap> {
-        if let Some(old) = old {
-            let tables = [old.positions.len(), old.powers.len(), old.faces.len()];
-            let directions = old.directions.as_ref().map(Buffer::len);
-            if tables.into_iter().chain(directions).all(|len| len >= stored) && directions.is_some() == glossy {
-                return Ok(PhotonMap { stored, emitted, ..old });
-            }
+        if let Some(old) = old.filter(|old| old.has_room(glossy, stored)) {
+            return Ok(PhotonMap { stored, emitted, ..old });
         }
         let capacity = capacity(stored);
         Ok(PhotonMap {
@@ -67,6 +63,42 @@ impl PhotonMap {
             stored,
             emitted,
         })
+    }
+
+    /// Room for `room` photons, of which the first `kept` are those of `old`.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Device`] when memory is short.
+    pub fn with_room(
+        context: &Context,
+        old: Option<PhotonMap>,
+        glossy: bool,
+        kept: usize,
+        room: usize,
+    ) -> Result<PhotonMap> {
+        let Some(old) = old else { return PhotonMap::new(context, None, glossy, room, 0) };
+        if old.has_room(glossy, room) {
+            return Ok(old);
+        }
+        if kept == 0 {
+            drop(old);
+            return PhotonMap::new(context, None, glossy, room, 0);
+        }
+        let mut map = PhotonMap::new(context, None, glossy, room, 0)?;
+        map.positions.copy_from(context, &old.positions, kept)?;
+        map.powers.copy_from(context, &old.powers, kept)?;
+        map.faces.copy_from(context, &old.faces, kept)?;
+        if let (Some(to), Some(from)) = (&mut map.directions, &old.directions) {
+            to.copy_from(context, from, kept)?;
+        }
+        Ok(map)
+    }
+
+    /// Whether `stored` photons fit.
+    fn has_room(&self, glossy: bool, stored: usize) -> bool {
+        let tables = [self.positions.len(), self.powers.len(), self.faces.len()];
+        let directions = self.directions.as_ref().map(Buffer::len);
+        directions.is_some() == glossy && tables.into_iter().chain(directions).all(|len| len >= stored)
     }
 
     /// A map with these photons.

@@ -11,7 +11,7 @@ use crate::cpu::grid::{GridTables, PhotonTables, face_of};
 use crate::cpu::tiles::TileTables;
 use crate::error::{Error, Result};
 use crate::gathering::{Gathering, Method};
-use crate::gl::{Functions, Program, TableTexture};
+use crate::gl::{Functions, PixelBuffer, Program, TableTexture};
 use crate::layout::{
     Face, Gather, PhotonCell, PhotonDirection, PhotonPosition, PhotonPower, Record, Region, TEXEL, TEXTURE_WIDTH_LOG2,
     Tile,
@@ -25,7 +25,9 @@ pub struct PhotonTextures {
     gather: Gather,
     /// Bound on the candidates of any query, for drivers that end long loops.
     pub most_candidates: u64,
-    staging: Vec<[f32; 3]>,
+    /// Whether anybody asks for `most_candidates`: it takes the cells to the host.
+    is_bounded: bool,
+    pixels: PixelBuffer,
 }
 
 impl PhotonTextures {
@@ -43,15 +45,21 @@ impl PhotonTextures {
         "tile_photons",
     ];
 
-    /// Empty tables on the current context.
+    /// Empty tables on the current context; `is_bounded`: for a driver that ends long loops.
     ///
     /// # Errors
     /// [`crate::error::Error::Device`] when the driver gives no textures.
-    pub fn new(gl: &Functions) -> Result<PhotonTextures> {
+    pub fn new(gl: &Functions, is_bounded: bool) -> Result<PhotonTextures> {
         let table = || TableTexture::new(gl, TEXTURE_WIDTH_LOG2);
         let tables =
             [table()?, table()?, table()?, table()?, table()?, table()?, table()?, table()?, table()?, table()?];
-        Ok(PhotonTextures { tables, gather: Gather::default(), most_candidates: 0, staging: Vec::new() })
+        Ok(PhotonTextures {
+            tables,
+            gather: Gather::default(),
+            most_candidates: 0,
+            is_bounded,
+            pixels: PixelBuffer::new(gl)?,
+        })
     }
 
     /// Takes over a map made by the CPU.
@@ -110,8 +118,12 @@ impl PhotonTextures {
         let count = grid.count;
         self.tables[0].fill(&grid.plan.faces)?;
         self.copy(1, context, &grid.cell_starts, (grid.plan.cells + 1).div_ceil(TEXEL))?;
-        let starts: &[f32] = bytemuck::cast_slice(&self.staging);
-        self.most_candidates = most_candidates(&grid.plan, starts, count as u64);
+        self.most_candidates = if self.is_bounded {
+            let most = |starts: &[f32]| Ok(most_candidates(&grid.plan, starts, count as u64));
+            grid.cell_starts.mapped(context, grid.plan.cells + 1, most)?
+        } else {
+            count as u64
+        };
         if let Some(cells) = cells {
             self.copy(2, context, cells, count)?;
         }
@@ -144,12 +156,15 @@ impl PhotonTextures {
         self.tables[9].fill_texels(&whole_texels(tables.tile_photons.clone()))
     }
 
-    /// The first `texels` texels of a buffer.
+    /// The first `texels` texels of a buffer: where the device is the CPU, straight from its memory; else by DMA into a
+    /// pixel buffer, and from there.
     fn copy<T: Pod>(&mut self, table: usize, context: &Context, from: &Buffer<T>, texels: usize) -> Result<()> {
-        self.staging.resize(texels.max(self.staging.len()), [0.0; 3]);
-        let staging = &mut self.staging[..texels];
-        from.read(context, bytemuck::cast_slice_mut(staging))?;
-        self.tables[table].fill_texels(staging)
+        let records = texels * TEXEL * 4 / size_of::<T>();
+        let table = &mut self.tables[table];
+        if !context.device.is_gpu {
+            return from.mapped(context, records, |records| table.fill_texels(records));
+        }
+        table.fill_through(&mut self.pixels, texels, |bytes| from.read_bytes(context, bytes))
     }
 
     /// Radius and cells of the map that lies here.
@@ -176,9 +191,9 @@ impl PhotonTextures {
         self.tables.iter().map(|t| t.uploads).sum()
     }
 
-    /// Bytes in textures, padding included.
+    /// Bytes in textures, padding included, and in the pixel buffer.
     pub fn bytes(&self) -> usize {
-        self.tables.iter().map(TableTexture::bytes).sum()
+        self.tables.iter().map(TableTexture::bytes).sum::<usize>() + self.pixels.bytes()
     }
 }
 

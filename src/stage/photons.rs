@@ -4,13 +4,14 @@ use std::rc::Rc;
 
 use crate::cl::{Arg, Buffer, Context, Kernel};
 use crate::cpu::photons::{FRUITLESS_PATHS, fruitless, stream_of};
-use crate::emission::{Amount, COLUMNS_LOG2, Emission, Plan, ROWS_LOG2, Sampler};
+use crate::emission::{Amount, COLUMNS_LOG2, Emission, PART_BITS, Plan, ROWS_LOG2, Sampler};
 use crate::error::{Error, Result};
 use crate::features::Features;
 use crate::layout::{Emitter, Frame, Light, MAX_EXACT_INDEX, Object};
 use crate::pack::Packed;
 use crate::source::{Options, assemble};
 use crate::stage::photon_map::PhotonMap;
+use crate::stage::recorder::Recorder;
 use crate::stage::scan::Scan;
 
 /// The scene as emission sees it, on the device.
@@ -29,7 +30,15 @@ struct Kernels {
     made_for: (Features, bool, Sampler, u32, bool, bool),
     count: Kernel,
     last: Kernel,
-    store: Kernel,
+    storing: Storing,
+}
+
+/// How photons come into the map.
+enum Storing {
+    /// By a second walk.
+    Again(Kernel),
+    /// From records of the only walk.
+    Recorded(Recorder),
 }
 
 /// The photon stage on a device.
@@ -46,12 +55,11 @@ impl Photons {
         Photons { context, scan, kernels: None, tables: None }
     }
 
-    /// Takes over the scene's records.
+    /// Takes over the scene's records, and how its lights share their paths.
     ///
     /// # Errors
-    /// [`Error::Device`] when the device has no room, [`Error::Usage`] for too many lights.
-    pub fn upload(&mut self, packed: &Packed) -> Result<()> {
-        let plan = Plan::new(packed)?;
+    /// [`Error::Device`] when the device has no room.
+    pub fn upload(&mut self, packed: &Packed, plan: Plan) -> Result<()> {
         let frame = Frame {
             sphere_count: packed.sphere_count as f32,
             plane_count: packed.plane_count() as f32,
@@ -94,6 +102,7 @@ impl Photons {
             format!("SLOTS_LOG2 {}u", plan.slots_log2),
             format!("EMISSION_ROWS_LOG2 {ROWS_LOG2}u"),
             format!("EMISSION_COLUMNS_LOG2 {COLUMNS_LOG2}u"),
+            format!("EMISSION_PART_BITS {PART_BITS}u"),
         ];
         let mut add = |on: bool, name: &str| {
             if on {
@@ -108,8 +117,18 @@ impl Photons {
         let options = Options { lanes: self.context.device.lanes, defines, ..Options::default() };
         let source = assemble("photons.cl", Some(features), &options);
         let kernel = |name| self.context.kernel(&source, name);
-        let (count, last, store) = (kernel("photons_count")?, kernel("photons_last")?, kernel("photons_store")?);
-        self.kernels = Some(Kernels { made_for, count, last, store });
+        let storing = if options.lanes == 1 {
+            Storing::Again(kernel("photons_store")?)
+        } else {
+            Storing::Recorded(Recorder::new(
+                &self.context,
+                features.glossy,
+                kernel("photons_record")?,
+                kernel("photons_place")?,
+            )?)
+        };
+        self.kernels =
+            Some(Kernels { made_for, count: kernel("photons_count")?, last: kernel("photons_last")?, storing });
         Ok(())
     }
 
@@ -120,7 +139,7 @@ impl Photons {
     /// # Errors
     /// [`Error::Usage`] when photons are to be stored where nothing can be hit, or when more are stored than indices
     /// in float values can tell apart; [`Error::Device`] when the device fails.
-    pub fn emit(&self, emission: &Emission, old: Option<PhotonMap>) -> Result<PhotonMap> {
+    pub fn emit(&mut self, emission: &Emission, old: Option<PhotonMap>) -> Result<PhotonMap> {
         let Some(tables) = &self.tables else {
             return Err(Error::Device("OpenCL: photons emitted before a scene was uploaded".into()));
         };
@@ -130,35 +149,52 @@ impl Photons {
                 Amount::Stored(wanted) => Err(fruitless(wanted, 0, 0)),
             };
         }
-        let Some(kernels) = &self.kernels else {
+        let Some(kernels) = &mut self.kernels else {
             return Err(Error::Device("OpenCL: photons emitted before anything was compiled".into()));
         };
         let stream = stream_of(emission.seed, emission.pass);
-        let pass = Pass { context: &self.context, scan: &self.scan, kernels, tables, stream };
+        let Kernels { made_for, count, last, storing } = kernels;
+        let glossy = made_for.0.glossy;
+        let pass = Pass { context: &self.context, scan: &self.scan, count, last, tables, stream };
         let (paths, limit) = match emission.amount {
             Amount::Paths(paths) => (paths, u32::MAX),
             Amount::Stored(wanted) => (pass.paths_to_store(wanted)?, wanted),
         };
         let emitters = Buffer::from_slice(&self.context, &tables.plan.emitters(paths))?;
-        let runs = pass.count(&emitters, 0, paths)?;
-        let stored = runs.stored.min(limit);
-        if u64::from(stored) >= MAX_EXACT_INDEX {
-            return Err(Error::Usage(format!(
-                "{paths} paths store {stored} photons, a pass holds fewer than {MAX_EXACT_INDEX}: take more --passes \
-                 of fewer --photons"
-            )));
+        match storing {
+            Storing::Again(store) => {
+                let runs = pass.count(&emitters, 0, paths)?;
+                let stored = runs.stored.min(limit);
+                check_stored(paths, stored.into())?;
+                let map = PhotonMap::new(&self.context, old, glossy, stored as usize, paths)?;
+                pass.store(store, &emitters, &runs, paths, &map)?;
+                Ok(map)
+            }
+            Storing::Recorded(recorder) => {
+                let args = |first, end, length| pass.walk_args(&emitters, first, end, length);
+                recorder.emit(&self.context, args, paths, limit, old)
+            }
         }
-        let map = PhotonMap::new(&self.context, old, kernels.made_for.0.glossy, stored as usize, paths)?;
-        pass.store(&emitters, &runs, paths, &map)?;
-        Ok(map)
     }
+}
+
+/// Refuses more photons than indices in float values can tell apart.
+pub(super) fn check_stored(paths: u32, stored: u64) -> Result<()> {
+    if stored < MAX_EXACT_INDEX {
+        return Ok(());
+    }
+    Err(Error::Usage(format!(
+        "{paths} paths store {stored} photons, a pass holds fewer than {MAX_EXACT_INDEX}: take more --passes of fewer \
+         --photons"
+    )))
 }
 
 /// One pass of emission on the device.
 struct Pass<'a> {
     context: &'a Context,
     scan: &'a Scan,
-    kernels: &'a Kernels,
+    count: &'a Kernel,
+    last: &'a Kernel,
     tables: &'a Tables,
     stream: u32,
 }
@@ -204,7 +240,7 @@ impl Pass<'_> {
     fn launch(&self, kernel: &Kernel, args: &[Arg], runs: u32) -> Result<()> {
         let items = runs.div_ceil(self.context.device.lanes) as usize;
         let local = if self.context.device.lanes == 1 { 128 } else { 1 };
-        self.context.launch(kernel, args, &[items], Some(&[local]))
+        self.context.launch_paced(kernel, args, &[items], Some(&[local]))
     }
 
     /// Counts what paths `[first, end)` store.
@@ -218,19 +254,19 @@ impl Pass<'_> {
         }
         let mut args = self.walk_args(emitters, first, end, length);
         args.extend([Arg::from(&offsets), runs.into()]);
-        self.launch(&self.kernels.count, &args, runs)?;
+        self.launch(self.count, &args, runs)?;
         self.scan.exclusive(self.context, &offsets, padded + 1)?;
         let stored = offsets.get(self.context, padded)?;
         Ok(Runs { offsets, length, runs, stored })
     }
 
     /// Writes what paths `[0, end)` store, as much of it as the map holds.
-    fn store(&self, emitters: &Buffer<Emitter>, runs: &Runs, end: u32, map: &PhotonMap) -> Result<()> {
+    fn store(&self, kernel: &Kernel, emitters: &Buffer<Emitter>, runs: &Runs, end: u32, map: &PhotonMap) -> Result<()> {
         let mut args = self.walk_args(emitters, 0, end, runs.length);
         args.extend([Arg::from(&runs.offsets), runs.runs.into(), Arg::Uint(map.stored as u32)]);
         args.extend([Arg::from(&map.positions), (&map.powers).into(), (&map.faces).into()]);
         args.extend(map.directions.as_ref().map(Arg::from));
-        self.launch(&self.kernels.store, &args, runs.runs)
+        self.launch(kernel, &args, runs.runs)
     }
 
     /// How many paths it takes to store `wanted` photons: batch after batch until they are there; then the run, and
@@ -252,7 +288,7 @@ impl Pass<'_> {
                 let last = Buffer::from_slice(self.context, &[0u32])?;
                 let mut args = self.walk_args(&emitters, from, end.min(from + runs.length), runs.length);
                 args.extend([Arg::Uint(missing - offsets[run]), (&last).into()]);
-                self.context.launch(&self.kernels.last, &args, &[1], Some(&[1]))?;
+                self.context.launch(self.last, &args, &[1], Some(&[1]))?;
                 return Ok(last.get(self.context, 0)? + 1);
             }
             (stored, first) = (stored + u64::from(runs.stored), end);

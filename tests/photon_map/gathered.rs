@@ -23,7 +23,7 @@ use super::{Map, ROOM_SPHERES, Random, device, room, room_photons, upload};
 const WIDTH: usize = 64;
 const HEIGHT: usize = 48;
 
-fn features() -> Features {
+pub fn features() -> Features {
     Features {
         spheres: true,
         planes: true,
@@ -114,7 +114,7 @@ fn on_gl(
     let stored = stored.as_ref().map(PhotonMap::view);
     let packed = packed();
     let gathering = Gathering { hashed: grid.plan.hashed, ..gathering };
-    let mut photons = PhotonTextures::new(&headless.gl).unwrap();
+    let mut photons = PhotonTextures::new(&headless.gl, true).unwrap();
     photons.fill(context, grid, stored.as_ref(), &gathering).unwrap();
     let options = Options { defines: gathering.defines(), ..Options::default() };
     let program = Program::new(&headless.gl, &assemble("trace.frag", Some(&features()), &options)).unwrap();

@@ -2,6 +2,8 @@
 
 mod gathered;
 mod memory;
+mod permutations;
+mod pictures;
 mod queries;
 mod tables;
 mod tile_timings;

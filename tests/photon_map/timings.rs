@@ -146,7 +146,7 @@ fn timings() {
                 println!("R = {radius}, cell {ratio:.2} R, OpenCL, {lanes:>2} lanes: {median:6.1} ({least:.1})");
             }
             let Some(headless) = &headless else { continue };
-            let mut textures = PhotonTextures::new(&headless.gl).unwrap();
+            let mut textures = PhotonTextures::new(&headless.gl, true).unwrap();
             textures.fill(&context, grid, None, &gathering).unwrap();
             let options = Options { defines: gathering.defines(), ..Options::default() };
             let program = Program::new(&headless.gl, &assemble("trace.frag", Some(&features), &options)).unwrap();

@@ -28,7 +28,7 @@ fn context(lanes: Option<u32>) -> Rc<Context> {
 
 fn on_device(context: &Rc<Context>, case: &Case, emission: &Emission) -> PhotonTables {
     let mut stage = Photons::new(Rc::clone(context), Rc::new(Scan::new(context).unwrap()));
-    stage.upload(&case.packed).unwrap();
+    stage.upload(&case.packed, case.plan.clone()).unwrap();
     stage.compile(&case.features, emission).unwrap();
     let map = stage.emit(emission, None).unwrap();
     let take = |all: Vec<_>| all[..map.stored].to_vec();

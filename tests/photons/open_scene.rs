@@ -2,7 +2,7 @@
 
 use photile::cpu::photons::photons;
 use photile::cpu::scene::SceneTables;
-use photile::emission::{Amount, Emission, Plan};
+use photile::emission::{Amount, Emission, Plan, entry};
 
 use crate::{Case, grey_box, paths};
 
@@ -54,7 +54,8 @@ fn every_direction_that_hits_lies_in_a_kept_cell() {
             let turn = (d.z.atan2(d.x) / std::f64::consts::TAU + 0.125).rem_euclid(1.0);
             let cell = row << 7 | (turn * 128.0).min(127.0) as u32;
             let [_, first, cells] = case.plan.counts[light];
-            case.plan.cells[first as usize..(first + cells) as usize].binary_search(&cell).is_ok()
+            let own = &case.plan.cells[first as usize..(first + cells) as usize];
+            own.binary_search(&entry(cell, 1, 0)).is_ok()
         });
         assert!(kept, "{p} on object {}", surface.object);
     }
@@ -67,7 +68,50 @@ fn case_of(case: &Case) -> Case {
 }
 
 #[test]
+fn more_paths_where_light_goes_on_store_more_and_keep_the_mean() {
+    let even = Case::shipped("sphere_and_plane");
+    let weighed = Case { plan: Plan::indirect(&even.packed).unwrap(), ..Case::shipped("sphere_and_plane") };
+    // Straight from the light everything is known exactly: each object's direct flux, by weights of every size.
+    let number = 400_000;
+    let power = |case: &Case, bounce: f32, seed: u32| {
+        let map = case.twin(&Emission { seed, ..paths(number) });
+        let mut power = [0.0; 2];
+        let mut stored = 0;
+        for (photon, surface) in map.powers.iter().zip(&map.surfaces).filter(|(_, s)| s.bounce == bounce) {
+            power[surface.object as usize] += f64::from(photon.power[2]);
+            stored += 1;
+        }
+        (power, stored)
+    };
+    let flux = 4.0 * std::f64::consts::PI * 6000.0;
+    let cone = 0.5 * (1.0 - (1.0f64 - 4.0 / 300.0).sqrt());
+    let ([sphere, plane], _) = power(&weighed, 0.0, 1);
+    // As many paths as they are, a wrong weight shows as a factor.
+    assert!((sphere / (flux * cone) - 1.0).abs() < 0.01, "sphere {}", sphere / (flux * cone));
+    assert!((plane / (flux * (0.5 - cone)) - 1.0).abs() < 4e-3, "plane {}", plane / (flux * (0.5 - cone)));
+    // Once scattered: the mean of some seeds, against ten times their standard error where paths are spread evenly.
+    let seeds = 1..5;
+    let mean = |case: &Case| {
+        let all: Vec<_> = seeds.clone().map(|seed| power(case, 1.0, seed)).collect();
+        let mean = |values: &dyn Fn(usize) -> f64| (0..all.len()).map(values).sum::<f64>() / all.len() as f64;
+        ([mean(&|i| all[i].0[0]), mean(&|i| all[i].0[1])], mean(&|i| f64::from(all[i].1)))
+    };
+    let ((before, few), (after, many)) = (mean(&even), mean(&weighed));
+    for object in 0..2 {
+        assert!(
+            (after[object] / before[object] - 1.0).abs() < 0.1,
+            "{object}: {} for {} W",
+            after[object],
+            before[object]
+        );
+    }
+    eprintln!("stored after a bounce, of {number} paths: {few} evenly, {many} weighed");
+    assert!(many > 2.0 * few, "{many} photons, {few} before");
+}
+
+#[test]
 fn a_closed_scene_has_no_map() {
+    assert!(Plan::indirect(&grey_box(0.5).packed).unwrap().cells.is_empty());
     assert!(grey_box(0.5).plan.cells.is_empty());
     assert!(Case::shipped("gi_ref").plan.cells.is_empty());
 }

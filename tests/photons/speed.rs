@@ -17,7 +17,7 @@ fn paths_per_second() {
     let mut stage = Photons::new(Rc::clone(&context), Rc::new(Scan::new(&context).unwrap()));
     for name in ["gi_ref", "gi_two_lights", "sphere_and_plane", "color_bleeding", "glossy"] {
         let case = Case::shipped(name);
-        stage.upload(&case.packed).unwrap();
+        stage.upload(&case.packed, case.plan.clone()).unwrap();
         for (number, repeats) in [(10_000, 50), (200_000, 15), (1_000_000, 7), (4_000_000, 3)] {
             let emission = paths(number);
             stage.compile(&case.features, &emission).unwrap();

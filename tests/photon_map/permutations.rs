@@ -1,0 +1,83 @@
+//! Every way of gathering compiles, in both languages.
+
+use std::collections::BTreeSet;
+
+use photile::gathering::Gathering;
+use photile::gl::{Headless, Program};
+use photile::settings::{DensityKernel, Method};
+use photile::source::{Options, assemble};
+
+use super::device;
+use super::gathered::features;
+
+/// A permutation's choices as small numbers.
+fn choices(gathering: &Gathering) -> [usize; 6] {
+    let methods = [Method::Grid, Method::Tiles, Method::TiledGrid, Method::Knn, Method::Brute];
+    let place = |method| methods.iter().position(|m| *m == method).expect("a method that gathers");
+    let kernel = DensityKernel::ALL.iter().position(|k| *k == gathering.kernel).expect("a kernel");
+    let flags = [gathering.hashed, gathering.clip, gathering.both_sides, gathering.footprints].map(usize::from);
+    [place(gathering.method), kernel, flags[0], flags[1], flags[2], flags[3]]
+}
+
+/// Pairs of choices that meet in a permutation.
+fn pairs(gathering: &Gathering) -> BTreeSet<[(usize, usize); 2]> {
+    let own: Vec<_> = choices(gathering).into_iter().enumerate().collect();
+    own.iter().flat_map(|a| own.iter().filter(move |b| a.0 < b.0).map(|b| [*a, *b])).collect()
+}
+
+/// A few permutations in which every two choices meet that can.
+fn covering(all: &[Gathering]) -> Vec<Gathering> {
+    let mut open: BTreeSet<_> = all.iter().flat_map(pairs).collect();
+    let mut chosen = Vec::new();
+    while !open.is_empty() {
+        let best = *all.iter().max_by_key(|g| pairs(g).intersection(&open).count()).expect("a pair is someone's");
+        open.retain(|pair| !pairs(&best).contains(pair));
+        chosen.push(best);
+    }
+    chosen
+}
+
+#[test]
+fn every_gathering_compiles_in_opengl() {
+    let _alone = device();
+    let Ok(headless) = Headless::new() else {
+        eprintln!("SKIPPED: OpenGL is missing");
+        return;
+    };
+    let all = Gathering::reachable();
+    assert!(all.len() >= 100, "{}", all.len());
+    for (number, gathering) in all.iter().enumerate() {
+        let mut defines = gathering.defines();
+        if number % 2 == 1 {
+            defines.push("SLICED".into());
+        }
+        let features = photile::features::Features { glossy: number % 3 > 0, ..features() };
+        let source = assemble("trace.frag", Some(&features), &Options { defines, ..Options::default() });
+        Program::new(&headless.gl, &source).unwrap_or_else(|error| panic!("{gathering:?}: {error}"));
+    }
+}
+
+#[test]
+fn every_two_choices_of_gathering_compile_in_opencl() {
+    let context = device();
+    let chosen = covering(&Gathering::reachable());
+    assert!((12..60).contains(&chosen.len()), "{}", chosen.len());
+    for (number, gathering) in chosen.iter().enumerate() {
+        // One lane's vocabulary differs in the shim alone, which the kernels of other tests compile as well.
+        let lanes = gathering.lanes(if number % 4 == 0 { 1 } else { context.device.lanes });
+        let features = photile::features::Features { glossy: number % 3 == 0, ..features() };
+        let options = Options { lanes, defines: gathering.defines(), ..Options::default() };
+        let kernel = context.kernel(&assemble("trace.cl", Some(&features), &options), "trace");
+        kernel.unwrap_or_else(|error| panic!("{gathering:?}: {error}"));
+    }
+}
+
+#[test]
+fn a_choice_that_nobody_makes_would_be_noticed() {
+    let all = Gathering::reachable();
+    let chosen = covering(&all);
+    let covered: BTreeSet<_> = chosen.iter().flat_map(pairs).collect();
+    assert!(all.iter().flat_map(pairs).all(|pair| covered.contains(&pair)));
+    let fewer: BTreeSet<_> = chosen.iter().filter(|g| g.method != Method::Brute).flat_map(pairs).collect();
+    assert!(all.iter().flat_map(pairs).any(|pair| !fewer.contains(&pair)));
+}

@@ -1,0 +1,95 @@
+//! Whole pictures: against the independent references, and of both light modes against each other.
+
+use photile::film::Image;
+use photile::metrics::{self, measure};
+use photile::pipeline::{Machine, Pipeline};
+use photile::scene::{Scene, load};
+use photile::settings::{Amount, Backend, Gather, LightMode, Method, Photons, Settings};
+
+use super::{Device, device};
+
+fn scene(name: &str) -> Scene {
+    load(format!("{}/scenes/{name}.toml", env!("CARGO_MANIFEST_DIR")).as_ref()).unwrap()
+}
+
+fn opencl() -> (Device, Pipeline) {
+    let alone = device();
+    let machine = Machine { backend: Some(Backend::OpenCl), ..Machine::default() };
+    (alone, Pipeline::open(&machine, |_| {}).unwrap())
+}
+
+fn rel_mse(image: &Image, reference: &Image) -> f64 {
+    measure(image, reference, &metrics::Settings::default()).unwrap().rel_mse
+}
+
+/// The report's scenes, and the relMSE that one pass of 200k paths at 16 samples a pixel must stay below.
+const BOUNDS: [(&str, f64); 4] =
+    [("gi_ref", 3e-3), ("gi_two_lights", 3e-3), ("color_bleeding", 3e-3), ("sphere_and_plane", 1e-3)];
+
+#[test]
+fn the_reports_scenes_are_the_independent_tracers() {
+    let (_alone, mut pipeline) = opencl();
+    for (name, bound) in BOUNDS {
+        let path = format!("{}/tests/golden/{name}.exr", env!("CARGO_MANIFEST_DIR"));
+        let reference = Image::load(path.as_ref()).unwrap();
+        let settings =
+            Settings { width: reference.width, height: reference.height, samples: 16, ..Settings::default() };
+        let found = pipeline.render(&scene(name), &settings).unwrap();
+        let error = rel_mse(&found.image, &reference);
+        eprintln!("{name}: relMSE {error:.2e}, bound {bound:.0e}, {:?}", found.photons);
+        assert!(error <= bound, "{name}: relMSE {error}");
+        // The bound tells indirect light from none at all.
+        let direct = Settings { light: LightMode::Direct, samples: 1, ..settings };
+        let without = rel_mse(&pipeline.render(&scene(name), &direct).unwrap().image, &reference);
+        assert!(without > bound, "{name}: without indirect light {without} passes");
+    }
+}
+
+/// The mean of some passes.
+fn passes(pipeline: &mut Pipeline, scene: &Scene, light: LightMode, paths: u32, radius: f32, passes: u32) -> Image {
+    let mut sum = Image::new(48, 36);
+    for pass in 0..passes {
+        let mut settings = Settings { width: 48, height: 36, samples: 4, light, ..Settings::default() };
+        settings.photons = Photons { amount: Amount::Paths(paths), pass, ..settings.photons };
+        settings.gather = Gather { method: Method::Grid, radius: Some(radius), ..settings.gather };
+        let image = pipeline.render(scene, &settings).unwrap().image;
+        for (sum, pixel) in sum.pixels.iter_mut().zip(&image.pixels) {
+            for (sum, channel) in sum.iter_mut().zip(pixel) {
+                *sum += channel / passes as f32;
+            }
+        }
+    }
+    sum
+}
+
+fn mean(image: &Image) -> f64 {
+    image.pixels.iter().flatten().map(|channel| f64::from(*channel)).sum::<f64>() / (3 * image.pixels.len()) as f64
+}
+
+#[test]
+fn both_light_modes_converge_to_the_same_picture() {
+    let (_alone, mut pipeline) = opencl();
+    let scene = scene("gi_two_lights");
+    let hybrid = passes(&mut pipeline, &scene, LightMode::Hybrid, 200_000, 0.25, 4);
+    let [coarse, fine] = [(50_000, 0.4, 1), (200_000, 0.15, 8)]
+        .map(|(paths, radius, number)| passes(&mut pipeline, &scene, LightMode::Photons, paths, radius, number));
+    let [far, near] = [&coarse, &fine].map(|image| rel_mse(image, &hybrid));
+    eprintln!(
+        "photons against hybrid: relMSE {far:.2e} coarse, {near:.2e} fine; means {} {}",
+        mean(&fine),
+        mean(&hybrid)
+    );
+    // Some hundred photons a disc are 5% of noise; what is left is light blurred across shadows' edges.
+    assert!(near < 6e-3, "{near}");
+    assert!(near < 0.5 * far, "{near} from {far}: more photons in smaller discs come closer");
+    // Noise and blur leave the mean alone.
+    assert!((mean(&fine) / mean(&hybrid) - 1.0).abs() < 0.01, "{} for {}", mean(&fine), mean(&hybrid));
+
+    // The comparison tells light that is counted twice, or not at all.
+    let mut brighter = scene.clone();
+    brighter.lights.iter_mut().for_each(|light| light.intensity *= 1.03);
+    let wrong = passes(&mut pipeline, &brighter, LightMode::Photons, 200_000, 0.15, 2);
+    assert!((mean(&wrong) / mean(&hybrid) - 1.0).abs() > 0.01);
+    let direct = passes(&mut pipeline, &scene, LightMode::Direct, 1, 0.15, 1);
+    assert!(rel_mse(&direct, &hybrid) > 6e-3);
+}
