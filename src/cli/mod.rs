@@ -7,6 +7,7 @@ mod options;
 mod plan;
 mod reference;
 mod render;
+mod stress;
 mod validate;
 mod view;
 
@@ -31,6 +32,7 @@ enum Command {
     View(view::Args),
     Compare(compare::Args),
     Bench(bench::Args),
+    Stress(stress::Args),
     Validate(validate::Args),
     Reference(reference::Args),
     Plan(plan::Args),
@@ -48,6 +50,7 @@ pub fn run() -> Result<()> {
         Command::View(args) => view::run(&args, started),
         Command::Compare(args) => compare::run(&args),
         Command::Bench(args) => bench::run(&args),
+        Command::Stress(args) => stress::run(&args),
         Command::Validate(args) => validate::run(&args),
         Command::Reference(args) => reference::run(&args),
         Command::Plan(args) => plan::run(&args),

@@ -5,6 +5,10 @@ use glow::HasContext;
 use super::{Functions, Program};
 use crate::census::{Counted, Kind};
 use crate::error::{Error, Result};
+use crate::pace::Pace;
+
+/// Rows that a draw is cut into multiples of: drivers draw in blocks of pixels.
+const BAND: usize = 4;
 
 /// A framebuffer with one texture; deleted when dropped.
 pub struct Target {
@@ -16,6 +20,8 @@ pub struct Target {
     height: u32,
     integers: bool,
     _counted: Counted,
+    /// What a row takes.
+    pub pace: Pace,
 }
 
 impl Target {
@@ -46,6 +52,7 @@ impl Target {
                 height,
                 integers,
                 _counted: Counted::new(Kind::OpenGl),
+                pace: Pace::default(),
             };
             gl.bind_texture(glow::TEXTURE_2D, Some(target.texture));
             gl.tex_image_2d(
@@ -76,7 +83,8 @@ impl Target {
         }
     }
 
-    /// Draws the quad with the active program and waits until it is done.
+    /// Draws the quad with the active program and waits until it is done; cut into bands of rows that no watchdog
+    /// minds.
     ///
     /// # Errors
     /// [`Error::Device`] when the driver reports an error.
@@ -99,7 +107,16 @@ impl Target {
     /// # Errors
     /// [`Error::Device`] when the driver reports an error.
     pub fn draw_weighted(&self, active: &Program, weight: Option<f32>) -> Result<()> {
-        self.draw_blended(active, weight, glow::ONE)
+        self.draw_blended(active, weight, glow::ONE, None).map(|_| ())
+    }
+
+    /// Draws like [`Target::draw_weighted`], and asks between two bands whether the rest is wanted; whether all was
+    /// drawn.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when the driver reports an error.
+    pub fn draw_while(&self, active: &Program, weight: Option<f32>, wanted: &dyn Fn() -> bool) -> Result<bool> {
+        self.draw_blended(active, weight, glow::ONE, Some(wanted))
     }
 
     /// Draws like [`Target::draw`]; with a weight w, leaves (1 − w) of what is there and adds w of the picture.
@@ -107,10 +124,16 @@ impl Target {
     /// # Errors
     /// [`Error::Device`] when the driver reports an error.
     pub fn draw_mixed(&self, active: &Program, weight: Option<f32>) -> Result<()> {
-        self.draw_blended(active, weight, glow::ONE_MINUS_CONSTANT_ALPHA)
+        self.draw_blended(active, weight, glow::ONE_MINUS_CONSTANT_ALPHA, None).map(|_| ())
     }
 
-    fn draw_blended(&self, _active: &Program, weight: Option<f32>, kept: u32) -> Result<()> {
+    fn draw_blended(
+        &self,
+        _active: &Program,
+        weight: Option<f32>,
+        kept: u32,
+        wanted: Option<&dyn Fn() -> bool>,
+    ) -> Result<bool> {
         let gl = &self.gl;
         // SAFETY: the context is current and a linked program is active (the argument says so).
         unsafe {
@@ -127,25 +150,25 @@ impl Target {
                 None => gl.disable(glow::BLEND),
             }
             gl.disable(glow::DEPTH_TEST);
-            gl.draw_arrays(glow::TRIANGLES, 0, 3);
-            gl.finish();
-            match gl.get_error() {
-                glow::NO_ERROR => Ok(()),
-                error => Err(Error::Device(format!("OpenGL: drawing: error {error:#06x}"))),
-            }
-        }
-    }
-
-    /// Lets draws reach only so many rows from a first one on; `None`: all again.
-    pub fn clip(&self, rows: Option<(u32, u32)>) {
-        // SAFETY: the context is current.
-        unsafe {
-            match rows {
-                Some((first, count)) => {
-                    self.gl.enable(glow::SCISSOR_TEST);
-                    self.gl.scissor(0, first as i32, self.width as i32, count as i32);
+            gl.enable(glow::SCISSOR_TEST);
+            let (mut done, all) = (0, self.height as usize);
+            self.pace.begin();
+            while done < all {
+                let rows = self.pace.next(all - done, all, BAND.min(all));
+                let begin = std::time::Instant::now();
+                gl.scissor(0, done as i32, self.width as i32, rows as i32);
+                gl.draw_arrays(glow::TRIANGLES, 0, 3);
+                gl.finish();
+                self.pace.took(rows, begin.elapsed().as_secs_f64() * 1e3);
+                done += rows;
+                if done < all && wanted.is_some_and(|wanted| !wanted()) {
+                    break;
                 }
-                None => self.gl.disable(glow::SCISSOR_TEST),
+            }
+            gl.disable(glow::SCISSOR_TEST);
+            match gl.get_error() {
+                glow::NO_ERROR => Ok(done == all),
+                error => Err(Error::Device(format!("OpenGL: drawing: error {error:#06x}"))),
             }
         }
     }

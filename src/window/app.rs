@@ -29,6 +29,7 @@ use crate::census::{Kind, alive};
 use crate::error::{Error, Result};
 use crate::film::write_beside;
 use crate::gl::{Present, Shown, Windowed};
+use crate::pace;
 use crate::pipeline::Machine;
 use crate::scene::{self, Scene};
 use crate::settings::{Backend, Settings};
@@ -102,6 +103,8 @@ struct Wake;
 const BUDGETS: [f64; 2] = [33.0, 100.0];
 /// Things rest when nothing has moved for so long.
 const REST: Duration = Duration::from_millis(150);
+/// What a piece of a picture should take, ms: less than a frame that waits for it.
+const PIECE: f64 = 12.0;
 /// A step of flight.
 const TICK: Duration = Duration::from_millis(16);
 /// The panel's width, points.
@@ -248,6 +251,8 @@ impl Open {
         let attributes = Window::default_attributes().with_title("Photile").with_inner_size(size);
         let windowed = Windowed::new(events, attributes)?;
         let software = windowed.current.is_software;
+        // Others get their turn between two pieces of a picture, and so does a newer request.
+        pace::set_aim(PIECE);
         let turn = Arc::new(Turn::new(software));
         let held = turn.take();
         let present = Present::new(&windowed.current.gl)?;

@@ -1,7 +1,7 @@
 //! Trace on OpenGL: a fragment shader on a full-screen quad.
 
 use std::collections::HashMap;
-use std::time::Instant;
+use std::rc::Rc;
 
 use super::{Pause, Permutation, Trace, check_count, out_of_order};
 use crate::error::{Error, Result};
@@ -28,41 +28,9 @@ pub struct GlTrace {
     active: Option<Permutation>,
     /// Loop rounds that the driver grants a fragment.
     rounds: Option<u64>,
-    bands: Bands,
-}
-
-/// Pictures in bands of rows, so that nobody waits long for the rest.
-#[derive(Default)]
-struct Bands {
-    /// `None`: pictures are drawn as a whole.
+    /// Called between bands of rows.
     pause: Option<Pause>,
-    /// What a row took last, ms.
-    row_ms: f64,
     stopped: bool,
-}
-
-/// What a band should take, ms: less than a frame of the window that waits.
-const BAND_MS: f64 = 12.0;
-
-impl Bands {
-    /// Draws all rows, band by band, until the rest is not wanted.
-    fn draw(&mut self, target: &Target, height: u32, draw: impl Fn(&Target) -> Result<()>) -> Result<()> {
-        let Some(pause) = self.pause.clone() else { return draw(target) };
-        let mut first = 0;
-        while first < height && !self.stopped {
-            let rows = if self.row_ms > 0.0 { (BAND_MS / self.row_ms) as u32 } else { height / 16 };
-            let rows = rows.clamp(1, height - first);
-            let start = Instant::now();
-            target.clip(Some((first, rows)));
-            let drawn = draw(target);
-            target.clip(None);
-            drawn?;
-            self.row_ms = start.elapsed().as_secs_f64() * 1e3 / f64::from(rows);
-            first += rows;
-            self.stopped = first < height && !pause();
-        }
-        Ok(())
-    }
 }
 
 /// llvmpipe ends a shader's loops, all of them together, after 65,535 rounds; some are left for small loops.
@@ -88,7 +56,8 @@ impl GlTrace {
             programs: HashMap::new(),
             active: None,
             rounds: is_software.then_some(LLVMPIPE_ROUNDS),
-            bands: Bands::default(),
+            pause: None,
+            stopped: false,
         })
     }
 }
@@ -124,13 +93,15 @@ impl GlTrace {
         let samples = frame.samples as u64;
         let Some(granted) = self.rounds else { return Ok(Draws { samples, slices: 1 }) };
         let (objects, lights) = ((frame.sphere_count + frame.plane_count) as u64, frame.light_count as u64);
-        // Closest hit, a shadow ray a light, the clipped disc's planes twice; 32 bits of a Sobol' number.
-        let mut fixed = objects * (3 + lights) + lights + 64;
+        // Closest hit, the planes' sides, a shadow ray a light, the clipped disc's planes twice; 32 bits of a Sobol'
+        // number.
+        let mut fixed = objects * (4 + lights) + lights + 64;
         let mut candidates = 0;
         if photons {
             let across = cells_across(self.photons.gather());
-            fixed += across * (across + 1);
+            fixed += across * (2 * across + 1);
             candidates = self.photons.most_candidates;
+            candidates += candidates / 256; // blocks of sums
         }
         let knn = self.active.and_then(|a| a.gathering).is_some_and(|g| g.method == Method::Knn);
         if knn {
@@ -169,6 +140,10 @@ impl Trace for GlTrace {
 
     fn upload_map(&mut self, map: &MapView, gathering: &Gathering) -> Result<u64> {
         let before = self.photons.uploads();
+        // Another radius or another number of photons: what rows took says little.
+        if let Some((_, _, target)) = &self.target {
+            target.pace.forget();
+        }
         match map {
             MapView::Device { context, stored, grid, .. } => {
                 self.photons.fill(context, grid, stored.as_ref(), gathering)?
@@ -220,11 +195,11 @@ impl Trace for GlTrace {
                 self.lights.bind(first + 1);
             }
         }
-        let bands = &mut self.bands;
-        bands.stopped = false;
+        let pause = self.pause.clone().unwrap_or_else(|| Rc::new(|| true));
         let samples = frame.samples as u64;
         if draws.samples >= samples && draws.slices == 1 {
-            return bands.draw(target, height, |target| target.draw(program));
+            self.stopped = !target.draw_while(program, None, &*pause)?;
+            return Ok(());
         }
         target.clear();
         for first in (0..samples).step_by(draws.samples as usize) {
@@ -234,8 +209,8 @@ impl Trace for GlTrace {
             for slice in 0..draws.slices {
                 self.photons.set_slice(program, slice, draws.slices);
                 let weight = Some(here as f32 / samples as f32);
-                bands.draw(target, height, |target| target.draw_weighted(program, weight))?;
-                if bands.stopped {
+                self.stopped = !target.draw_while(program, weight, &*pause)? || !pause();
+                if self.stopped {
                     return Ok(());
                 }
             }
@@ -244,11 +219,11 @@ impl Trace for GlTrace {
     }
 
     fn set_pause(&mut self, pause: Option<Pause>) {
-        self.bands.pause = pause;
+        self.pause = pause;
     }
 
     fn was_stopped(&self) -> bool {
-        self.bands.stopped
+        self.stopped
     }
 
     fn read(&mut self) -> Result<Image> {
