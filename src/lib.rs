@@ -16,6 +16,7 @@
 pub mod cli;
 
 pub mod bench;
+pub mod stress;
 
 pub mod pipeline;
 
@@ -23,6 +24,7 @@ pub mod choice;
 pub mod radius;
 pub mod reference;
 pub mod validate;
+pub mod warnings;
 
 pub mod stage;
 
@@ -38,6 +40,7 @@ pub mod film;
 pub mod gathering;
 pub mod memory;
 pub mod metrics;
+pub mod pace;
 pub mod pack;
 pub mod source;
 pub mod tiling;

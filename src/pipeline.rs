@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use crate::cells::{CellSize, Form};
 use crate::change::{Change, Stage, is_stale};
-use crate::choice::{self, Question};
+use crate::choice::{self, Class, Estimate, Question};
 use crate::cl;
 use crate::cpu::scene::SceneTables;
 use crate::emission::Emission;
@@ -318,6 +318,32 @@ impl Pipeline {
         Ok(lap.ms())
     }
 
+    /// What gathering costs are known for on this backend.
+    pub fn class(&self) -> Class {
+        match (self.backend, self.devices.lanes, &self.context) {
+            (Backend::Cpu, ..) => Class::Cpu,
+            (Backend::OpenCl, Some(1), _) => Class::OpenClGpu,
+            (Backend::OpenCl, ..) => Class::OpenClLanes,
+            (Backend::OpenGl, _, Some(context)) if !context.is_software => Class::OpenGlGpu,
+            (Backend::OpenGl, ..) => Class::OpenGlSoftware,
+        }
+    }
+
+    /// What each method would take for the last picture, the cheapest first; empty where it has no photons.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when the map cannot be looked at.
+    pub fn estimates(&self) -> Result<Vec<Estimate>> {
+        let Some((last, counts)) = self.last.as_ref().and_then(|last| Some((last, last.photons?))) else {
+            return Ok(Vec::new());
+        };
+        let tables = SceneTables::new(&last.packed, &last.features);
+        let frame = last.packed.frame(&last.scene.camera, &last.settings);
+        let (stored, radius) = (counts.stored, last.chosen.radius);
+        let question = Question { stored, radius, tile: None, class: self.class() };
+        Ok(choice::estimates(&tables, &frame, &self.map.sample(radius::SAMPLE)?, &question))
+    }
+
     /// Makes the GL context the thread's own again: another pipeline may have worked in between.
     fn make_current(&self) -> Result<()> {
         self.context.as_ref().map_or(Ok(()), Headless::make_current)
@@ -339,7 +365,7 @@ impl Pipeline {
             let method = if method == Method::Auto { Method::Grid } else { method };
             return Ok(Chosen { method, ..asked });
         }
-        let question = Question { stored, radius, tile, alone: self.backend != Backend::OpenCl };
+        let question = Question { stored, radius, tile, class: self.class() };
         let estimates = choice::estimates(tables, frame, &self.map.sample(radius::SAMPLE)?, &question);
         let Some(best) = estimates.first() else { return Ok(Chosen { method: Method::Grid, ..asked }) };
         Ok(Chosen { method: best.method, tile: best.tile.unwrap_or(asked.tile), ..asked })

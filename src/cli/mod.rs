@@ -7,6 +7,7 @@ mod options;
 mod plan;
 mod reference;
 mod render;
+mod stress;
 mod validate;
 
 use std::sync::Arc;
@@ -29,6 +30,7 @@ enum Command {
     Render(render::Args),
     Compare(compare::Args),
     Bench(bench::Args),
+    Stress(stress::Args),
     Validate(validate::Args),
     Reference(reference::Args),
     Plan(plan::Args),
@@ -44,6 +46,7 @@ pub fn run() -> Result<()> {
         Command::Render(args) => render::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Bench(args) => bench::run(&args),
+        Command::Stress(args) => stress::run(&args),
         Command::Validate(args) => validate::run(&args),
         Command::Reference(args) => reference::run(&args),
         Command::Plan(args) => plan::run(&args),

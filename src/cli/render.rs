@@ -52,6 +52,8 @@ struct Report<'a> {
     /// Most that OpenCL's buffers ever held.
     memory_most_opencl_bytes: Option<usize>,
     output: String,
+    warnings: Vec<String>,
+    longest_submission_ms: f64,
 }
 
 pub fn run(args: &Args) -> Result<()> {
@@ -72,6 +74,10 @@ pub fn run(args: &Args) -> Result<()> {
     notice(&format!("rendering with {} ({chosen}){device}", pipeline.backend.name()));
 
     let rendering = pipeline.render(&scene, &settings)?;
+    let warnings = crate::warnings::of(&scene, &settings, rendering.radius);
+    for warning in &warnings {
+        notice(&format!("warning: {warning}"));
+    }
     let note = |name: &str, value: String| (name.to_string(), value);
     let provenance = [
         note("scene", scene.name.clone()),
@@ -120,6 +126,8 @@ pub fn run(args: &Args) -> Result<()> {
             memory_bytes: pipeline.bytes(),
             memory_most_opencl_bytes: pipeline.most_bytes(),
             output: output.display().to_string(),
+            warnings,
+            longest_submission_ms: crate::pace::longest(),
         });
     }
     Ok(())

@@ -4,6 +4,10 @@ use glow::HasContext;
 
 use super::{Functions, Program};
 use crate::error::{Error, Result};
+use crate::pace::Pace;
+
+/// Rows that a draw is cut into multiples of: drivers draw in blocks of pixels.
+const BAND: usize = 4;
 
 /// A framebuffer with one texture; deleted when dropped.
 pub struct Target {
@@ -14,6 +18,8 @@ pub struct Target {
     width: u32,
     height: u32,
     integers: bool,
+    /// What a row takes.
+    pub pace: Pace,
 }
 
 impl Target {
@@ -43,6 +49,7 @@ impl Target {
                 width,
                 height,
                 integers,
+                pace: Pace::default(),
             };
             gl.bind_texture(glow::TEXTURE_2D, Some(target.texture));
             gl.tex_image_2d(
@@ -73,7 +80,8 @@ impl Target {
         }
     }
 
-    /// Draws the quad with the active program and waits until it is done.
+    /// Draws the quad with the active program and waits until it is done; cut into bands of rows that no watchdog
+    /// minds.
     ///
     /// # Errors
     /// [`Error::Device`] when the driver reports an error.
@@ -112,8 +120,19 @@ impl Target {
                 None => gl.disable(glow::BLEND),
             }
             gl.disable(glow::DEPTH_TEST);
-            gl.draw_arrays(glow::TRIANGLES, 0, 3);
-            gl.finish();
+            gl.enable(glow::SCISSOR_TEST);
+            let (mut done, all) = (0, self.height as usize);
+            self.pace.begin();
+            while done < all {
+                let rows = self.pace.next(all - done, all, BAND.min(all));
+                let begin = std::time::Instant::now();
+                gl.scissor(0, done as i32, self.width as i32, rows as i32);
+                gl.draw_arrays(glow::TRIANGLES, 0, 3);
+                gl.finish();
+                self.pace.took(rows, begin.elapsed().as_secs_f64() * 1e3);
+                done += rows;
+            }
+            gl.disable(glow::SCISSOR_TEST);
             match gl.get_error() {
                 glow::NO_ERROR => Ok(()),
                 error => Err(Error::Device(format!("OpenGL: drawing: error {error:#06x}"))),

@@ -240,7 +240,7 @@ impl Pass<'_> {
     fn launch(&self, kernel: &Kernel, args: &[Arg], runs: u32) -> Result<()> {
         let items = runs.div_ceil(self.context.device.lanes) as usize;
         let local = if self.context.device.lanes == 1 { 128 } else { 1 };
-        self.context.launch(kernel, args, &[items], Some(&[local]))
+        self.context.launch_paced(kernel, args, &[items], Some(&[local]))
     }
 
     /// Counts what paths `[first, end)` store.

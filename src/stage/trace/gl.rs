@@ -87,13 +87,15 @@ impl GlTrace {
         let samples = frame.samples as u64;
         let Some(granted) = self.rounds else { return Ok(Draws { samples, slices: 1 }) };
         let (objects, lights) = ((frame.sphere_count + frame.plane_count) as u64, frame.light_count as u64);
-        // Closest hit, a shadow ray a light, the clipped disc's planes twice; 32 bits of a Sobol' number.
-        let mut fixed = objects * (3 + lights) + lights + 64;
+        // Closest hit, the planes' sides, a shadow ray a light, the clipped disc's planes twice; 32 bits of a Sobol'
+        // number.
+        let mut fixed = objects * (4 + lights) + lights + 64;
         let mut candidates = 0;
         if photons {
             let across = cells_across(self.photons.gather());
-            fixed += across * (across + 1);
+            fixed += across * (2 * across + 1);
             candidates = self.photons.most_candidates;
+            candidates += candidates / 256; // blocks of sums
         }
         let knn = self.active.and_then(|a| a.gathering).is_some_and(|g| g.method == Method::Knn);
         if knn {
@@ -132,6 +134,10 @@ impl Trace for GlTrace {
 
     fn upload_map(&mut self, map: &MapView, gathering: &Gathering) -> Result<u64> {
         let before = self.photons.uploads();
+        // Another radius or another number of photons: what rows took says little.
+        if let Some((_, _, target)) = &self.target {
+            target.pace.forget();
+        }
         match map {
             MapView::Device { context, stored, grid, .. } => {
                 self.photons.fill(context, grid, stored.as_ref(), gathering)?
