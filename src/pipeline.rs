@@ -325,11 +325,15 @@ impl Pipeline {
             self.tracer.compile(&Permutation { features, gathering })?;
             times.compile += lap.ms();
         }
-        let view = if wants_photons { self.map.view() } else { None };
-        if let (true, Some(view), Some(gathering)) = (stale(Stage::Textures), &view, &gathering) {
+        if let (true, Some(view), Some(gathering)) = (stale(Stage::Textures), &self.map.view(), &gathering) {
             uploads = self.tracer.upload_map(view, gathering)?;
+        }
+        if uploads > 0 {
+            // Two copies of a small map are quicker to change; of a large one they are too much.
+            self.map.copied(TWO_COPIES)?;
             times.upload += lap.ms();
         }
+        let view = if wants_photons { self.map.view() } else { None };
         if let (true, Some(view)) = (wants_photons && chosen.method.is_tiled() && stale(Stage::Tiles), &view) {
             uploads += self.tracer.upload_tiles(view)?;
             times.upload += lap.ms();
@@ -494,6 +498,9 @@ impl Drop for Pipeline {
         let _ = self.make_current();
     }
 }
+
+/// Bytes of OpenCL's buffers beyond which they are given back as soon as OpenGL has a copy: of half a million photons.
+const TWO_COPIES: usize = 32_000_000;
 
 /// The grid that these settings ask for; `alone`: for queries that walk one by one.
 fn grid_wanted(settings: &Settings, radius: f32, alone: bool, origin: DVec3) -> Wanted {
