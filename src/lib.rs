@@ -16,6 +16,8 @@
 pub mod cli;
 
 pub mod bench;
+pub mod stress;
+pub mod window;
 
 pub mod progressive;
 
@@ -26,6 +28,7 @@ pub mod lattice;
 pub mod radius;
 pub mod reference;
 pub mod validate;
+pub mod warnings;
 
 pub mod stage;
 
@@ -42,6 +45,7 @@ pub mod film;
 pub mod gathering;
 pub mod memory;
 pub mod metrics;
+pub mod pace;
 pub mod pack;
 pub mod source;
 pub mod tiling;
@@ -49,5 +53,6 @@ pub mod tiling;
 pub mod scene;
 pub mod settings;
 
+pub mod census;
 pub mod error;
 pub mod layout;

@@ -32,6 +32,10 @@ const FILES: &[(&str, &str)] = &[
     ("irradiance.cl", include_str!("../kernels/irradiance.cl")),
     ("shared/sampling.glsl", include_str!("../glsl/shared/sampling.glsl")),
     ("shared/walk.glsl", include_str!("../glsl/shared/walk.glsl")),
+    ("mean.frag", include_str!("../glsl/mean.frag")),
+    ("present.frag", include_str!("../glsl/present.frag")),
+    ("shared/faults.glsl", include_str!("../glsl/shared/faults.glsl")),
+    ("shared/stress.glsl", include_str!("../glsl/shared/stress.glsl")),
     ("probe.frag", include_str!("../glsl/probe.frag")),
     ("shim.cl", include_str!("../kernels/shim.cl")),
     ("incoherent.cl", include_str!("../kernels/incoherent.cl")),
@@ -43,6 +47,8 @@ const FILES: &[(&str, &str)] = &[
     ("sort.cl", include_str!("../kernels/sort.cl")),
     ("grid.cl", include_str!("../kernels/grid.cl")),
     ("tiles.cl", include_str!("../kernels/tiles.cl")),
+    ("stress.frag", include_str!("../glsl/stress.frag")),
+    ("stress.cl", include_str!("../kernels/stress.cl")),
     ("validate.cl", include_str!("../kernels/validate.cl")),
 ];
 

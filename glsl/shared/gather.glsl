@@ -43,6 +43,18 @@ Gathered nothing_gathered() {
     return none;
 }
 
+// Sums stall where they outgrow their terms (a million photons of mixed power: 5e-4 too little): photons are summed
+// in blocks, and blocks then.
+#define SUM_BLOCK 256
+
+Gathered add_gathered(Gathered sum, Gathered part) {
+    sum.flux = add3(sum.flux, part.flux);
+#ifdef HAS_GLOSSY
+    sum.glint = add3(sum.glint, part.glint);
+#endif
+    return sum;
+}
+
 #ifdef HAS_BOTH_SIDES
 // Whether a plane lies between the point and a photon: that photon lights another room's part of the surface.
 Bool walled_off(SCENE_PARAMS Vec3 point, Vec3 photon) {
@@ -175,54 +187,62 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
             if (length > 0) {
 #endif
                 int end = count_of(cell_start(bucket + length));
-                for (int place = count_of(cell_start(bucket)) + SLICE; place < end; place += SLICES) {
+                int place = count_of(cell_start(bucket)) + SLICE;
+                while (place < end) {
+                    Gathered part = nothing_gathered();
+                    int stop = min(end, place + SUM_BLOCK * SLICES);
+                    for (; place < stop; place += SLICES) {
 #ifdef GATHER_TILES
-                    int i = count_of(tile_photon(place));
+                        int i = count_of(tile_photon(place));
 #else
-                    int i = place;
+                        int i = place;
 #endif
-                    Vec3 position = photon_position_same(i);
-                    Vec3 away = sub3(position, query.surface.position);
-                    Real weight = kernel_shape(square3(away), inverse_radius2);
+                        Vec3 position = photon_position_same(i);
+                        Vec3 away = sub3(position, query.surface.position);
+                        Real weight = kernel_shape(square3(away), inverse_radius2);
 #if defined(DEAR_PHOTONS) || defined(GATHER_KNN)
-                    if (!any_lane(weight > 0.0f)) continue;
+                        if (!any_lane(weight > 0.0f)) continue;
 #endif
 #ifdef GRID_HASHED
-                    Float3 own = photon_cell_scalar(i);
-                    if (own.x != float_of(face) || own.y != float_of(v) || own.z != float_of(w)) continue;
+                        Float3 own = photon_cell_scalar(i);
+                        if (own.x != float_of(face) || own.y != float_of(v) || own.z != float_of(w)) continue;
 #endif
 #ifdef GATHER_KNN
 #ifdef HAS_BOTH_SIDES
-                    if (walled_off(SCENE query.surface.position, position)) continue;
+                        if (walled_off(SCENE query.surface.position, position)) continue;
 #endif
-                    float d2 = square3(away);
-                    int hole = -1;
-                    if (held < capacity) {
-                        hole = held;
-                        held++;
-                        while (hole > 0 && heap_d2[(hole - 1) / 2] < d2) {
-                            heap_d2[hole] = heap_d2[(hole - 1) / 2];
-                            heap_photon[hole] = heap_photon[(hole - 1) / 2];
-                            hole = (hole - 1) / 2;
+                        float d2 = square3(away);
+                        int hole = -1;
+                        if (held < capacity) {
+                            hole = held;
+                            held++;
+                            while (hole > 0 && heap_d2[(hole - 1) / 2] < d2) {
+                                heap_d2[hole] = heap_d2[(hole - 1) / 2];
+                                heap_photon[hole] = heap_photon[(hole - 1) / 2];
+                                hole = (hole - 1) / 2;
+                            }
+                        } else if (d2 < heap_d2[0]) {
+                            hole = 0;
+                            int child = 1;
+                            while (child < capacity) {
+                                if (child + 1 < capacity && heap_d2[child + 1] > heap_d2[child]) child++;
+                                if (heap_d2[child] <= d2) break;
+                                heap_d2[hole] = heap_d2[child];
+                                heap_photon[hole] = heap_photon[child];
+                                hole = child;
+                                child = 2 * hole + 1;
+                            }
                         }
-                    } else if (d2 < heap_d2[0]) {
-                        hole = 0;
-                        int child = 1;
-                        while (child < capacity) {
-                            if (child + 1 < capacity && heap_d2[child + 1] > heap_d2[child]) child++;
-                            if (heap_d2[child] <= d2) break;
-                            heap_d2[hole] = heap_d2[child];
-                            heap_photon[hole] = heap_photon[child];
-                            hole = child;
-                            child = 2 * hole + 1;
+                        if (hole >= 0) {
+                            heap_d2[hole] = d2;
+                            heap_photon[hole] = i;
                         }
-                    }
-                    if (hole >= 0) {
-                        heap_d2[hole] = d2;
-                        heap_photon[hole] = i;
-                    }
 #else
-                    sum = add_photon(SCENE sum, i, weight, position, query);
+                        part = add_photon(SCENE part, i, weight, position, query);
+#endif
+                    }
+#ifndef GATHER_KNN
+                    sum = add_gathered(sum, part);
 #endif
                 }
             }
@@ -268,10 +288,7 @@ Gathered gather_near(SCENE_PARAMS Query query, Int face, Bool wanted) {
         // Lanes that do not take part stand where no photon is.
         query.surface.position = pick3(together, p, make3(lanes(1e18f), lanes(1e18f), lanes(1e18f)));
         Gathered part = gather_face(SCENE chosen, query, low, high);
-        sum.flux = add3(sum.flux, part.flux);
-#ifdef HAS_GLOSSY
-        sum.glint = add3(sum.glint, part.glint);
-#endif
+        sum = add_gathered(sum, part);
         waiting = waiting && !together;
     }
     return sum;
@@ -285,15 +302,21 @@ Gathered gather_all(SCENE_PARAMS Query query, Int face, Bool wanted) {
     Gathered sum = nothing_gathered();
     Real inverse_radius2 = lanes(gather_inverse_radius() * gather_inverse_radius());
     int end = count_of(gather_photon_count());
-    for (int i = SLICE; i < end; i += SLICES) {
-        Vec3 position = photon_position_same(i);
-        Vec3 away = sub3(position, query.surface.position);
-        Real weight = kernel_shape(square3(away), inverse_radius2);
-        Bool near_by = wanted && weight > 0.0f;
-        if (!any_lane(near_by)) continue;
-        int own = count_of(photon_face(i));
-        near_by = near_by && face == own;
-        if (any_lane(near_by)) sum = add_photon(SCENE sum, i, pick(near_by, weight, 0.0f), position, query);
+    int i = SLICE;
+    while (i < end) {
+        Gathered part = nothing_gathered();
+        int stop = min(end, i + SUM_BLOCK * SLICES);
+        for (; i < stop; i += SLICES) {
+            Vec3 position = photon_position_same(i);
+            Vec3 away = sub3(position, query.surface.position);
+            Real weight = kernel_shape(square3(away), inverse_radius2);
+            Bool near_by = wanted && weight > 0.0f;
+            if (!any_lane(near_by)) continue;
+            int own = count_of(photon_face(i));
+            near_by = near_by && face == own;
+            if (any_lane(near_by)) part = add_photon(SCENE part, i, pick(near_by, weight, 0.0f), position, query);
+        }
+        sum = add_gathered(sum, part);
     }
     return sum;
 }
@@ -311,10 +334,7 @@ Gathered gather_photons(SCENE_PARAMS Query query, Int face, Bool wanted, Int til
     Bool unseen = wanted && !found;
     if (any_lane(unseen)) {
         Gathered rest = gather_all(SCENE query, face, unseen);
-        sum.flux = add3(sum.flux, rest.flux);
-#ifdef HAS_GLOSSY
-        sum.glint = add3(sum.glint, rest.glint);
-#endif
+        sum = add_gathered(sum, rest);
     }
     return sum;
 #else

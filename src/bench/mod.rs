@@ -14,6 +14,7 @@ use crate::pipeline::Machine;
 use crate::scene::Scene;
 use crate::settings::Backend;
 
+mod choice;
 mod error;
 mod gather;
 mod machine;
@@ -45,6 +46,8 @@ pub enum Suite {
     Report,
     /// Error against a reference by run time, for each technique and setting.
     Error,
+    /// The automatic choice between grid, tiles and tiled grid against what each takes.
+    Choice,
 }
 
 impl Suite {
@@ -56,14 +59,15 @@ impl Suite {
             Suite::Gather => "gather",
             Suite::Report => "report",
             Suite::Error => "error",
+            Suite::Choice => "choice",
         }
     }
 
     /// The scenes that it takes when none are named: built-in ones.
     pub fn scenes(self) -> &'static [&'static str] {
         match self {
-            Suite::Speed => &["gi_ref", "sphere_and_plane", "box"],
             Suite::Error => &["gi_ref", "gi_two_lights", "sphere_and_plane", "color_bleeding"],
+            Suite::Speed | Suite::Choice => &["gi_ref", "sphere_and_plane", "box"],
             Suite::Radius | Suite::Gather | Suite::Report => &["gi_ref", "sphere_and_plane"],
         }
     }
@@ -81,6 +85,7 @@ impl Suite {
             Suite::Gather => gather::run(options, progress)?,
             Suite::Report => report::run(options, &machine, progress)?,
             Suite::Error => error::run(options, &machine, progress)?,
+            Suite::Choice => choice::run(options, progress)?,
         };
         machine.finish();
         let Measured { settings, rows, summaries, charts } = measured;

@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 use std::collections::HashMap;
 use std::rc::Rc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use bytemuck::Pod;
 use opencl3::command_queue::{CL_QUEUE_PROFILING_ENABLE, CommandQueue};
@@ -16,6 +16,7 @@ use opencl3::types::cl_mem;
 use super::buffer::Memory;
 use super::{Buffer, Device, failed};
 use crate::error::{Error, Result};
+use crate::pace::Pace;
 use crate::source::Source;
 
 /// A device in use.
@@ -33,6 +34,8 @@ pub struct Context {
 pub struct Kernel {
     kernel: ClKernel,
     name: String,
+    /// What a work-item takes.
+    pub pace: Pace,
 }
 
 /// A kernel's argument, in the order of its parameters.
@@ -103,7 +106,7 @@ impl Context {
             }
         };
         let kernel = ClKernel::create(&program, name).map_err(|e| failed(&format!("kernel {name}"), e))?;
-        Ok(Kernel { kernel, name: name.into() })
+        Ok(Kernel { kernel, name: name.into(), pace: Pace::default() })
     }
 
     fn build(&self, source: &Source) -> Result<Program> {
@@ -128,7 +131,33 @@ impl Context {
     /// # Errors
     /// [`Error::Device`] when the launch is refused.
     pub fn launch(&self, kernel: &Kernel, args: &[Arg], global: &[usize], local: Option<&[usize]>) -> Result<()> {
-        self.enqueue(kernel, args, global, local).map(|_| ())
+        self.enqueue(kernel, args, global, local, &[]).map(|_| ())
+    }
+
+    /// Like [`Context::launch`], but cut along the last dimension into pieces that no watchdog minds, and waited for.
+    /// Kernels see the same `get_global_id` as uncut; `get_group_id` and `get_global_size` would differ.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when a launch is refused or fails.
+    pub fn launch_paced(&self, kernel: &Kernel, args: &[Arg], global: &[usize], local: Option<&[usize]>) -> Result<()> {
+        let Some((all, across)) = global.split_last() else { return Ok(()) };
+        let granule = local.and_then(|local| local.last()).copied().unwrap_or(1);
+        let (mut done, all) = (0, *all);
+        kernel.pace.begin();
+        while done < all {
+            let units = kernel.pace.next(all - done, all, granule);
+            let piece: Vec<usize> = across.iter().copied().chain([units]).collect();
+            let offset: Vec<usize> = across.iter().map(|_| 0).chain([done]).collect();
+            let begin = Instant::now();
+            let Some(event) = self.enqueue(kernel, args, &piece, local, &offset)? else { return Ok(()) };
+            event.wait().map_err(|e| failed(&format!("running {}", kernel.name), e))?;
+            let time = event.profiling_command_end().and_then(|end| Ok(end - event.profiling_command_start()?));
+            // Some drivers do not tell; the host's clock then counts what stood in the queue too.
+            let ms = time.ok().filter(|ns| *ns > 0).map_or(begin.elapsed().as_secs_f64() * 1e3, |ns| ns as f64 / 1e6);
+            kernel.pace.took(units, ms);
+            done += units;
+        }
+        Ok(())
     }
 
     /// Like [`Context::launch`], then waits and tells the device's own time for it.
@@ -136,7 +165,7 @@ impl Context {
     /// # Errors
     /// [`Error::Device`] when the launch is refused or fails.
     pub fn run(&self, kernel: &Kernel, args: &[Arg], global: &[usize], local: Option<&[usize]>) -> Result<Duration> {
-        let Some(event) = self.enqueue(kernel, args, global, local)? else { return Ok(Duration::ZERO) };
+        let Some(event) = self.enqueue(kernel, args, global, local, &[])? else { return Ok(Duration::ZERO) };
         event.wait().map_err(|e| failed(&format!("running {}", kernel.name), e))?;
         let time = event.profiling_command_end().and_then(|end| Ok(end - event.profiling_command_start()?));
         Ok(Duration::from_nanos(time.unwrap_or(0)))
@@ -148,6 +177,7 @@ impl Context {
         args: &[Arg],
         global: &[usize],
         local: Option<&[usize]>,
+        offset: &[usize],
     ) -> Result<Option<opencl3::event::Event>> {
         if global.contains(&0) {
             return Ok(None);
@@ -174,6 +204,9 @@ impl Context {
             None => {
                 launch.set_global_work_sizes(global);
             }
+        }
+        if !offset.is_empty() {
+            launch.set_global_work_offsets(offset);
         }
         // SAFETY: buffers handed over as arguments are reference-counted by OpenCL until the kernel has run.
         unsafe { launch.enqueue_nd_range(&self.queue) }

@@ -80,6 +80,8 @@ enum SuiteArg {
     Report,
     /// Error against a reference by run time, by technique and setting; with -o, rows measured before are kept
     Error,
+    /// The automatic choice between grid, tiles and tiled grid against what each takes
+    Choice,
 }
 
 impl From<SuiteArg> for Suite {
@@ -90,6 +92,7 @@ impl From<SuiteArg> for Suite {
             SuiteArg::Gather => Suite::Gather,
             SuiteArg::Report => Suite::Report,
             SuiteArg::Error => Suite::Error,
+            SuiteArg::Choice => Suite::Choice,
         }
     }
 }

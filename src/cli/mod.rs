@@ -8,7 +8,9 @@ mod passes;
 mod plan;
 mod reference;
 mod render;
+mod stress;
 mod validate;
+mod view;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -28,8 +30,10 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     Render(render::Args),
+    View(view::Args),
     Compare(compare::Args),
     Bench(bench::Args),
+    Stress(stress::Args),
     Validate(validate::Args),
     Reference(reference::Args),
     Plan(plan::Args),
@@ -41,10 +45,13 @@ enum Command {
 /// # Errors
 /// Whatever the command meets; [`crate::error::Error::exit_code`] says how the process should end.
 pub fn run() -> Result<()> {
+    let started = std::time::Instant::now();
     match Cli::parse().command {
         Command::Render(args) => render::run(&args),
+        Command::View(args) => view::run(&args, started),
         Command::Compare(args) => compare::run(&args),
         Command::Bench(args) => bench::run(&args),
+        Command::Stress(args) => stress::run(&args),
         Command::Validate(args) => validate::run(&args),
         Command::Reference(args) => reference::run(&args),
         Command::Plan(args) => plan::run(&args),

@@ -63,6 +63,8 @@ struct Report<'a> {
     /// Estimated: mean over the image of (standard error + bias) / radiance.
     error: Option<f64>,
     interrupted: bool,
+    warnings: Vec<String>,
+    longest_submission_ms: f64,
 }
 
 pub fn run(args: &Args) -> Result<()> {
@@ -90,6 +92,10 @@ pub fn run(args: &Args) -> Result<()> {
         Passes::one(rendering)
     };
     let rendering = &picture.last;
+    let warnings = crate::warnings::of(&scene, &settings, rendering.radius);
+    for warning in &warnings {
+        notice(&format!("warning: {warning}"));
+    }
     let note = |name: &str, value: String| (name.to_string(), value);
     let provenance = [
         note("scene", scene.name.clone()),
@@ -153,6 +159,8 @@ pub fn run(args: &Args) -> Result<()> {
             render_seconds: picture.seconds,
             error,
             interrupted: picture.interrupted,
+            warnings,
+            longest_submission_ms: crate::pace::longest(),
         });
     }
     // Not what was asked for: a script must not take it for that.

@@ -169,6 +169,9 @@ pub fn walled_off(scene: &SceneTables, point: Vec3, photon: Vec3) -> bool {
     })
 }
 
+/// Photons that are summed at a time.
+const SUM_BLOCK: usize = 256;
+
 /// Radiance that the photons around a visible point send towards the viewer, W·m⁻²·sr⁻¹.
 /// `tile` is that of the pixel which sees the point; only methods with tiles ask for it.
 pub fn photon_radiance(scene: &SceneTables, map: &PhotonMap, surface: &Surface, to_viewer: Vec3, tile: usize) -> Vec3 {
@@ -198,20 +201,27 @@ pub fn photon_radiance(scene: &SceneTables, map: &PhotonMap, surface: &Surface, 
     }
 
     let mut sum = Gathered::default();
-    for Near { d2, photon } in found {
-        let weight = kernel_shape(kernel, d2, inverse_radius * inverse_radius);
-        let power = Vec3::from(if stored { map.stored.powers[photon].power } else { map.grid.powers[photon].power });
-        sum.flux += power * weight;
-        if object.specular > 0.0 {
-            let directions = if stored { map.stored.directions } else { &map.grid.directions[..] };
-            let to_light = Vec3::from(directions[photon].direction);
-            let cos_i = surface.normal.dot(to_light);
-            if cos_i > 0.0 {
-                let cos_o = surface.normal.dot(to_viewer).max(0.0);
-                sum.glint +=
-                    power * (weight * ggx(surface.normal, to_viewer, to_light, cos_o, cos_i, object.roughness));
+    // Sums stall where they outgrow their terms: photons are summed in blocks, and blocks then.
+    for block in found.chunks(SUM_BLOCK) {
+        let mut part = Gathered::default();
+        for &Near { d2, photon } in block {
+            let weight = kernel_shape(kernel, d2, inverse_radius * inverse_radius);
+            let power =
+                Vec3::from(if stored { map.stored.powers[photon].power } else { map.grid.powers[photon].power });
+            part.flux += power * weight;
+            if object.specular > 0.0 {
+                let directions = if stored { map.stored.directions } else { &map.grid.directions[..] };
+                let to_light = Vec3::from(directions[photon].direction);
+                let cos_i = surface.normal.dot(to_light);
+                if cos_i > 0.0 {
+                    let cos_o = surface.normal.dot(to_viewer).max(0.0);
+                    part.glint +=
+                        power * (weight * ggx(surface.normal, to_viewer, to_light, cos_o, cos_i, object.roughness));
+                }
             }
         }
+        sum.flux += part.flux;
+        sum.glint += part.glint;
     }
     let mut scale = kernel_peak(kernel) * inverse_radius * inverse_radius;
     if map.gathering.clip {

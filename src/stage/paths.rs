@@ -115,5 +115,5 @@ impl Paths {
 pub fn launch(context: &Context, kernel: &Kernel, args: &[Arg], runs: u32) -> Result<()> {
     let items = runs.div_ceil(context.device.lanes) as usize;
     let local = if context.device.lanes == 1 { 128 } else { 1 };
-    context.launch(kernel, args, &[items], Some(&[local]))
+    context.launch_paced(kernel, args, &[items], Some(&[local]))
 }

@@ -75,6 +75,10 @@ impl Trace for ClTrace {
     }
 
     fn upload_map(&mut self, _map: &MapView, _gathering: &Gathering) -> Result<u64> {
+        // Another radius or another number of photons: what pixels took says little.
+        if let Some(active) = &self.active {
+            active.kernel.pace.forget();
+        }
         Ok(0) // it lies on the device already
     }
 
@@ -126,8 +130,7 @@ impl Trace for ClTrace {
         let (columns, rows) = block(active.lanes);
         let blocks = [width.div_ceil(columns) as usize, height.div_ceil(rows) as usize];
         // 8 × 8 blocks a work-group: enough to share out, small enough that the last ones do not idle.
-        self.context.launch(&active.kernel, &args, &blocks, Some(&[8, 8]))?;
-        self.context.finish()
+        self.context.launch_paced(&active.kernel, &args, &blocks, Some(&[8, 8]))
     }
 
     fn read(&mut self) -> Result<Image> {

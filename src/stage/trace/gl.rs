@@ -1,9 +1,10 @@
 //! Trace on OpenGL: a fragment shader on a full-screen quad.
 
 use std::collections::HashMap;
+use std::rc::Rc;
 
 use super::gl_final::FinalTextures;
-use super::{Indirect, Permutation, Trace, check_count, out_of_order};
+use super::{Indirect, Pause, Permutation, Trace, check_count, out_of_order};
 use crate::error::{Error, Result};
 use crate::features::Features;
 use crate::film::Image;
@@ -33,6 +34,9 @@ pub struct GlTrace {
     active: Option<Permutation>,
     /// Loop rounds that the driver grants a fragment.
     rounds: Option<u64>,
+    /// Called between bands of rows.
+    pause: Option<Pause>,
+    stopped: bool,
 }
 
 /// llvmpipe ends a shader's loops, all of them together, after 65,535 rounds; some are left for small loops.
@@ -60,6 +64,8 @@ impl GlTrace {
             site_programs: HashMap::new(),
             active: None,
             rounds: is_software.then_some(LLVMPIPE_ROUNDS),
+            pause: None,
+            stopped: false,
         })
     }
 }
@@ -116,16 +122,18 @@ impl GlTrace {
         let samples = frame.samples as u64;
         let Some(granted) = self.rounds else { return Ok(Draws { samples, slices: 1 }) };
         let (objects, lights) = ((frame.sphere_count + frame.plane_count) as u64, frame.light_count as u64);
-        // Closest hit, a shadow ray a light, the clipped disc's planes twice; 32 bits of a Sobol' number.
-        let mut fixed = objects * (3 + lights) + lights + 64;
+        // Closest hit, the planes' sides, a shadow ray a light, the clipped disc's planes twice; 32 bits of a Sobol'
+        // number.
+        let mut fixed = objects * (4 + lights) + lights + 64;
         let mut candidates = 0;
         if let Indirect::Final(_, lattice) = indirect {
             fixed += lattice.rays as u64 * (objects * (2 + lights) + lights + 1);
         }
         if let Indirect::Map(_) = indirect {
             let across = cells_across(self.photons.gather());
-            fixed += across * (across + 1);
+            fixed += across * (2 * across + 1);
             candidates = self.photons.most_candidates;
+            candidates += candidates / 256; // blocks of sums
         }
         let knn = self.active.and_then(|a| a.gathering).is_some_and(|g| g.method == Method::Knn);
         if knn {
@@ -168,6 +176,10 @@ impl Trace for GlTrace {
 
     fn upload_map(&mut self, map: &MapView, gathering: &Gathering) -> Result<u64> {
         let before = self.photons.uploads();
+        // Another radius or another number of photons: what rows took says little.
+        if let Some((_, _, target)) = &self.target {
+            target.pace.forget();
+        }
         match map {
             MapView::Device { context, stored, grid, .. } => {
                 self.photons.fill(context, grid, stored.as_ref(), gathering)?
@@ -224,9 +236,11 @@ impl Trace for GlTrace {
                 self.finals.bind(0, active.final_gather == Some(true));
             }
         }
+        let pause = self.pause.clone().unwrap_or_else(|| Rc::new(|| true));
         let samples = frame.samples as u64;
         if draws.samples >= samples && draws.slices == 1 {
-            return target.draw(program);
+            self.stopped = !target.draw_while(program, None, &*pause)?;
+            return Ok(());
         }
         target.clear();
         for first in (0..samples).step_by(draws.samples as usize) {
@@ -235,16 +249,32 @@ impl Trace for GlTrace {
             program.set_records(std::slice::from_ref(&part));
             for slice in 0..draws.slices {
                 self.photons.set_slice(program, slice, draws.slices);
-                target.draw_weighted(program, Some(here as f32 / samples as f32))?;
+                let weight = Some(here as f32 / samples as f32);
+                self.stopped = !target.draw_while(program, weight, &*pause)? || !pause();
+                if self.stopped {
+                    return Ok(());
+                }
             }
         }
         Ok(())
+    }
+
+    fn set_pause(&mut self, pause: Option<Pause>) {
+        self.pause = pause;
+    }
+
+    fn was_stopped(&self) -> bool {
+        self.stopped
     }
 
     fn read(&mut self) -> Result<Image> {
         let Some((width, height, target)) = &self.target else { return Ok(Image::new(0, 0)) };
         let pixels = target.read().iter().map(|[r, g, b, _]| [*r, *g, *b].map(f32::from_bits)).collect();
         Image::from_pixels(*width, *height, pixels)
+    }
+
+    fn texture(&self) -> Option<crate::gl::Texture> {
+        self.target.as_ref().map(|(_, _, target)| target.texture())
     }
 
     fn bytes(&self) -> usize {

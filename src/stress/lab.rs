@@ -1,0 +1,189 @@
+//! Where the shared dialect's functions can be asked: each device through a small program of its own.
+
+use std::rc::Rc;
+
+use crate::cl::{self, Buffer};
+use crate::error::{Error, Result};
+use crate::features::{Features, Lights};
+use crate::gl::{Headless, Program, TableTexture, Target};
+use crate::layout::{Frame, Object, Record, TEXTURE_WIDTH_LOG2};
+use crate::pack::Packed;
+use crate::pipeline::open_device;
+use crate::settings::Backend;
+use crate::source::{Options, assemble};
+
+use super::Fault;
+
+/// An item's answer: eight words.
+pub type Answer = [u32; 8];
+
+/// The devices under test.
+#[derive(Default)]
+pub struct Lab {
+    gl: Option<Headless>,
+    cl: Option<Rc<cl::Context>>,
+    /// Those that are there, of those that were asked for.
+    pub backends: Vec<Backend>,
+}
+
+/// One body of `glsl/shared/stress.glsl` and what it reads.
+pub struct Task<'a> {
+    /// The body's define, such as `STRESS_LEAKS`.
+    pub body: &'static str,
+    /// Objects that it meets.
+    pub packed: &'a Packed,
+    /// Each object is a scene of its own: none of them cuts another.
+    pub alone: bool,
+    /// Objects travel in uniforms on OpenGL, as those of small scenes do.
+    pub in_uniforms: bool,
+    /// Its own table.
+    pub cases: &'a [[f32; 3]],
+    /// Most items of one submission.
+    pub batch: usize,
+    /// What is broken on purpose.
+    pub fault: Option<Fault>,
+}
+
+/// Pixels in a row of the target.
+const COLUMNS: usize = 1024;
+
+impl Lab {
+    /// Opens what is there of `wanted`; what is missing is told to `notice`.
+    pub fn open(wanted: &[Backend], device: Option<&str>, notice: &mut dyn FnMut(&str)) -> Lab {
+        let mut lab = Lab::default();
+        for backend in wanted {
+            let opened = match backend {
+                Backend::OpenGl => Headless::new().map(|gl| lab.gl = Some(gl)),
+                Backend::OpenCl => open_device(device, notice).map(|cl| lab.cl = Some(Rc::new(cl))),
+                Backend::Cpu => Ok(()),
+            };
+            match opened {
+                Ok(()) => lab.backends.push(*backend),
+                Err(error) => notice(&format!("{} is left out: {error}", backend.name())),
+            }
+        }
+        lab
+    }
+
+    /// The OpenGL context, where it is open.
+    pub fn gl(&self) -> Option<&Headless> {
+        self.gl.as_ref()
+    }
+
+    /// The OpenCL device, where it is open.
+    pub fn cl(&self) -> Option<Rc<cl::Context>> {
+        self.cl.clone()
+    }
+
+    /// Answers of items `0 … count − 1` on a device.
+    ///
+    /// # Errors
+    /// [`Error::Build`] and [`Error::Device`] from the device; [`Error::Driver`] where it is not open.
+    pub fn ask(&self, backend: Backend, task: &Task, count: usize) -> Result<Vec<Answer>> {
+        let features = Features {
+            spheres: true,
+            planes: true,
+            lights: Lights::None,
+            sphere_shadows: false,
+            plane_shadows: false,
+            glossy: false,
+            ambient: false,
+            one_sample: true,
+            in_uniforms: task.in_uniforms && backend == Backend::OpenGl,
+        };
+        let mut defines = vec![task.body.to_string()];
+        defines.extend(task.fault.map(|fault| fault.define()));
+        let frame = Frame {
+            sphere_count: task.packed.sphere_count as f32,
+            plane_count: if task.alone { 0.0 } else { task.packed.plane_count() as f32 },
+            ..Frame::default()
+        };
+        match (backend, &self.gl, &self.cl) {
+            (Backend::OpenGl, Some(gl), _) => self.ask_gl(gl, task, &features, defines, &frame, count),
+            (Backend::OpenCl, _, Some(cl)) => self.ask_cl(cl, task, &features, defines, &frame, count),
+            _ => Err(Error::Driver(format!("{} is not open", backend.name()))),
+        }
+    }
+
+    fn ask_cl(
+        &self,
+        context: &cl::Context,
+        task: &Task,
+        features: &Features,
+        defines: Vec<String>,
+        frame: &Frame,
+        count: usize,
+    ) -> Result<Vec<Answer>> {
+        let lanes = context.device.lanes;
+        let source = assemble("stress.cl", Some(features), &Options { lanes, defines, ..Options::default() });
+        let kernel = context.kernel(&source, "stress_items")?;
+        let frame = Buffer::from_slice(context, std::slice::from_ref(frame))?;
+        let objects = Buffer::from_slice(context, &task.packed.objects)?;
+        let lights = Buffer::from_slice(context, &task.packed.lights)?;
+        let cases = Buffer::from_slice(context, task.cases)?;
+        let mut answers = Vec::with_capacity(count);
+        for first in (0..count).step_by(task.batch) {
+            let here = task.batch.min(count - first);
+            let words = Buffer::<Answer>::new(context, here)?;
+            let args = [
+                (&frame).into(),
+                (&objects).into(),
+                (&lights).into(),
+                (&cases).into(),
+                (&words).into(),
+                (first as i32).into(),
+                (here as i32).into(),
+            ];
+            context.launch(&kernel, &args, &[here.div_ceil(lanes as usize)], None)?;
+            answers.extend(words.to_vec(context)?);
+        }
+        Ok(answers)
+    }
+
+    fn ask_gl(
+        &self,
+        headless: &Headless,
+        task: &Task,
+        features: &Features,
+        defines: Vec<String>,
+        frame: &Frame,
+        count: usize,
+    ) -> Result<Vec<Answer>> {
+        headless.make_current()?;
+        let source = assemble("stress.frag", Some(features), &Options { defines, ..Options::default() });
+        let program = Program::new(&headless.gl, &source)?;
+        // Making and filling bind textures too, so the tables are bound when all is made.
+        let columns = task.batch.min(count).clamp(1, COLUMNS);
+        let rows = task.batch.min(count).div_ceil(columns);
+        let target = Target::new(&headless.gl, columns as u32, rows as u32, true)?;
+        let batch = columns * rows;
+        let mut cases = TableTexture::new(&headless.gl, TEXTURE_WIDTH_LOG2)?;
+        let mut objects = TableTexture::new(&headless.gl, TEXTURE_WIDTH_LOG2)?;
+        cases.fill_texels::<[f32; 3]>(task.cases)?;
+        objects.fill(&task.packed.objects)?;
+        // A name that is an array of uniforms is no sampler.
+        program.activate(if features.in_uniforms { &["cases"] } else { &["cases", Object::TABLE] });
+        program.set_records(std::slice::from_ref(frame));
+        cases.bind(0);
+        if features.in_uniforms {
+            program.set_records(&task.packed.objects);
+        } else {
+            objects.bind(1);
+        }
+        program.set_int("stride", columns as i32);
+        let mut answers = Vec::with_capacity(count);
+        for first in (0..count).step_by(batch) {
+            let here = batch.min(count - first);
+            program.set_int("first", first as i32);
+            program.set_int("count", here as i32);
+            let [low, high] = [0, 1].map(|part| {
+                program.set_int("part", part);
+                target.draw(&program).map(|()| target.read())
+            });
+            let (low, high) = (low?, high?);
+            let whole = low.iter().zip(&high).take(here);
+            answers.extend(whole.map(|([a, b, c, d], [e, f, g, h])| [*a, *b, *c, *d, *e, *f, *g, *h]));
+        }
+        Ok(answers)
+    }
+}

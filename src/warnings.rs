@@ -1,0 +1,96 @@
+//! Where float32 has limits that a picture may show, said before somebody takes it for the truth.
+//!
+//! What the renderer can avoid it avoids (scenes are packed about the camera, rays know what they start on); what is
+//! left is the spacing of float32 numbers itself, 1.2·10⁻⁷ of a length.
+
+use glam::DVec3;
+
+use crate::scene::Scene;
+use crate::settings::{Amount, LightMode, Settings};
+
+/// Spacing of float32 numbers, as a share.
+const ULP: f64 = 1.2e-7;
+
+/// Each limit that this scene meets at these settings, a sentence each; `radius` is the one that was gathered with.
+pub fn of(scene: &Scene, settings: &Settings, radius: Option<f32>) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let camera = scene.camera.position;
+    // What is looked at: lights and what is not huge stand as far away as the scene is large.
+    let near = scene.camera.look_at.distance(camera);
+    let size = scene.lights.iter().map(|l| l.position.distance(camera)).fold(near, f64::max);
+    if let Some((number, sphere)) = scene.spheres.iter().enumerate().max_by(|a, b| a.1.radius.total_cmp(&b.1.radius)) {
+        // A hundredth of a percent of the scene: below, walls of radius 10⁵ m around a room of metres.
+        let known_to = 2.0 * ULP * sphere.radius;
+        if known_to > 1e-2 * size {
+            warnings.push(format!(
+                "sphere {number} has a radius of {:.3e} m: float32 knows its surface to {known_to:.1e} m, in a scene of \
+                 {size:.1e} m",
+                sphere.radius
+            ));
+        }
+    }
+    let far = |center: DVec3, radius: f64| 4.0 * ULP * center.distance(camera) / radius;
+    let worst = scene.spheres.iter().map(|s| far(s.center, s.radius)).enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
+    if let Some((number, turned)) = worst.filter(|(_, turned)| *turned > 1e-2) {
+        warnings
+            .push(format!("sphere {number} is far away for its size: float32 knows its normals to {turned:.1e} rad"));
+    }
+    if settings.light != LightMode::Direct
+        && let Some(radius) = radius
+    {
+        let rounding = 4.0 * ULP * size / f64::from(radius);
+        if rounding > 1e-2 {
+            warnings.push(format!(
+                "gather radius {radius:.1e} m in a scene of {size:.1e} m: float32 knows photons' places to {:.1e} of it",
+                rounding / 2.0
+            ));
+        }
+        let paths = match settings.photons.amount {
+            Amount::Paths(paths) | Amount::Stored(paths) => f64::from(paths),
+        };
+        let flux = |intensity: DVec3| 4.0 * std::f64::consts::PI * intensity.max_element() / paths;
+        let dim = |power: &f64| *power > 0.0 && *power < 1e-34;
+        if let Some(power) = scene.lights.iter().map(|light| flux(light.intensity)).find(dim) {
+            warnings.push(format!("a photon carries {power:.1e} W: below 1e-38 float32 loses digits, then the light"));
+        }
+    }
+    warnings
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::parse;
+
+    fn scene(sphere: &str, light: &str) -> Scene {
+        let text = format!(
+            "[camera]\nposition = [0, 0, 5]\nlook_at = [0, 0, 0]\n[materials.m]\n[[lights]]\nposition = [0, 3, 0]\n\
+             intensity = {light}\n[[spheres]]\n{sphere}\nmaterial = \"m\"\n"
+        );
+        parse(&text, "x.toml").unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    #[test]
+    fn usual_scenes_are_not_warned_of() {
+        let usual = scene("center = [0, 0, 0]\nradius = 1", "[5, 5, 5]");
+        assert_eq!(of(&usual, &Settings::default(), Some(0.1)), [""; 0]);
+        // The walls of a room that are spheres of radius 10⁵.
+        let wall = scene("center = [0, -100003, 0]\nradius = 1e5", "[5, 5, 5]");
+        assert_eq!(of(&wall, &Settings::default(), Some(0.1)), [""; 0]);
+    }
+
+    #[test]
+    fn each_limit_is_said() {
+        let settings = Settings::default();
+        let cases = [
+            (scene("center = [0, -1e7, 0]\nradius = 1e7", "[5, 5, 5]"), 0.1, "radius of"),
+            (scene("center = [0, 0, -1e6]\nradius = 1", "[5, 5, 5]"), 0.1, "normals"),
+            (scene("center = [0, 0, 0]\nradius = 1", "[5, 5, 5]"), 1e-5, "photons' places"),
+            (scene("center = [0, 0, 0]\nradius = 1", "[0, 1e-33, 0]"), 0.1, "a photon carries"),
+        ];
+        for (scene, radius, said) in cases {
+            let warnings = of(&scene, &settings, Some(radius));
+            assert!(warnings.len() == 1 && warnings[0].contains(said), "{said}: {warnings:?}");
+        }
+    }
+}

@@ -1,0 +1,89 @@
+//! The same seed gives the same bytes: run after run, with any number of threads, however submissions are cut.
+
+use photile::film::Image;
+use photile::metrics::{self, measure};
+use photile::pace;
+use photile::pipeline::{Machine, Pipeline};
+use photile::settings::{Amount, Backend, Method, Settings};
+
+use super::one_at_a_time;
+use crate::common::{backends, render, shipped};
+
+fn settings(method: Method) -> Settings {
+    let mut settings = Settings { width: 48, height: 36, seed: 5, ..Settings::default() };
+    settings.photons.amount = Amount::Paths(3000);
+    settings.gather.method = method;
+    settings.gather.radius = Some(0.5);
+    settings
+}
+
+fn bits(image: &Image) -> Vec<[u32; 3]> {
+    image.pixels.iter().map(|pixel| pixel.map(f32::to_bits)).collect()
+}
+
+#[test]
+fn twenty_runs_give_the_same_bytes() {
+    let _one = one_at_a_time();
+    let scene = shipped("gi_ref");
+    for mut pipeline in backends() {
+        let first = render(&mut pipeline, &scene, &settings(Method::Grid));
+        for run in 1..20 {
+            // Another seed in between, so that everything is made anew.
+            pipeline.render(&scene, &Settings { seed: 6, width: 8, height: 6, ..settings(Method::Grid) }).unwrap();
+            let again = render(&mut pipeline, &scene, &settings(Method::Grid));
+            assert!(bits(&again) == bits(&first), "{}: run {run}", pipeline.backend.name());
+        }
+        let other = render(&mut pipeline, &scene, &Settings { seed: 6, ..settings(Method::Grid) });
+        assert!(bits(&other) != bits(&first), "another seed must show");
+    }
+}
+
+#[test]
+fn threads_do_not_show() {
+    let scene = shipped("glossy");
+    for method in [Method::Grid, Method::TiledGrid] {
+        let images = [1, 2, 5].map(|threads| {
+            let machine = Machine { backend: Some(Backend::Cpu), threads, ..Machine::default() };
+            let mut pipeline = Pipeline::open(&machine, |_| ()).unwrap();
+            bits(&render(&mut pipeline, &scene, &settings(method)))
+        });
+        assert!(images[0] == images[1] && images[0] == images[2], "{method:?}");
+    }
+}
+
+#[test]
+fn cutting_does_not_show_and_bounds_what_a_submission_takes() {
+    let _one = one_at_a_time();
+    let scene = shipped("gi_ref");
+    for mut pipeline in backends() {
+        let wanted = Settings { width: 96, height: 72, ..settings(Method::Grid) };
+        let whole = render(&mut pipeline, &scene, &wanted);
+        // So short that every piece is as small as pieces get.
+        pace::set_aim(0.001);
+        pace::reset_longest();
+        let mut fresh = crate::common::open(pipeline.backend).unwrap();
+        let cut = render(&mut fresh, &scene, &wanted);
+        pace::set_aim(0.0);
+        assert!(bits(&cut) == bits(&whole), "{}", pipeline.backend.name());
+        assert!(pace::longest() > 0.0 || pipeline.backend == Backend::Cpu, "nothing was paced");
+    }
+}
+
+#[test]
+fn machines_agree_within_the_stated_bound() {
+    let _one = one_at_a_time();
+    let scene = shipped("gi_ref");
+    let wanted = settings(Method::Grid);
+    let mut images = Vec::new();
+    for mut pipeline in backends() {
+        let photons = pipeline.render(&scene, &wanted).unwrap().photons;
+        images.push((pipeline.backend, photons, render(&mut pipeline, &scene, &wanted)));
+    }
+    for pair in images.windows(2) {
+        // Counts are integers: what was stored must be the very same number.
+        assert_eq!(pair[0].1, pair[1].1);
+        let metrics = measure(&pair[0].2, &pair[1].2, &metrics::Settings::default()).unwrap();
+        // 1e-3 of a radiance around 0.3: an edge pixel of 1728 that falls on the other side, and ulps elsewhere.
+        assert!(metrics.rmse < 1e-2 && metrics.pixels_over < 40, "{:?} {:?}: {metrics:?}", pair[0].0, pair[1].0);
+    }
+}

@@ -1,0 +1,55 @@
+//! Every suite holds, and every suite can fail.
+
+use photile::settings::Backend;
+use photile::stress::{Fault, Options, Report, Size, Suite, run};
+
+use super::one_at_a_time;
+
+fn stress(suites: &[Suite], backends: &[Backend], fault: Option<Fault>) -> Report {
+    let options = Options { backends: backends.to_vec(), device: None, threads: 2, size: Size::Tiny, fault };
+    run(suites, &options, &mut |_| ()).unwrap_or_else(|error| panic!("{error}"))
+}
+
+#[test]
+fn the_twins_hold_every_bound() {
+    let report = stress(&Suite::ALL, &[Backend::Cpu], None);
+    let failed: Vec<_> = report.rows.iter().filter(|row| !row.holds).collect();
+    assert!(failed.is_empty(), "{failed:#?}");
+    for suite in Suite::ALL {
+        assert!(report.rows.iter().any(|row| row.suite == suite), "{suite:?} tests nothing");
+    }
+}
+
+#[test]
+fn devices_hold_the_bounds_of_single_functions() {
+    let _one = one_at_a_time();
+    let suites = [Suite::Intersection, Suite::Leaks, Suite::Estimator, Suite::Random];
+    let report = stress(&suites, &Backend::ALL, None);
+    let failed: Vec<_> = report.rows.iter().filter(|row| !row.holds).collect();
+    assert!(failed.is_empty(), "{failed:#?}");
+    for backend in [Backend::OpenCl, Backend::OpenGl] {
+        if !report.rows.iter().any(|row| row.backend == backend) {
+            crate::common::missing(backend.name(), &"left out of the suites");
+        }
+    }
+}
+
+#[test]
+fn every_fault_is_found_by_its_suite() {
+    for fault in Fault::ALL {
+        let report = stress(&[fault.found_by()], &[Backend::Cpu], Some(fault));
+        assert!(report.failed > 0, "{} passes", fault.name());
+    }
+}
+
+#[test]
+fn devices_find_faults_of_their_own_code() {
+    let _one = one_at_a_time();
+    for fault in [Fault::NaiveSphere, Fault::FixedEpsilon] {
+        let report = stress(&[fault.found_by()], &[Backend::OpenGl, Backend::OpenCl, Backend::Cpu], Some(fault));
+        for backend in Backend::ALL {
+            let of_backend = || report.rows.iter().filter(|row| row.backend == backend);
+            assert!(of_backend().count() == 0 || of_backend().any(|row| !row.holds), "{backend:?} {}", fault.name());
+        }
+    }
+}
