@@ -84,7 +84,7 @@ pub enum Form {
 }
 
 /// A laid-out grid.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Plan {
     /// Which form.
     pub hashed: bool,

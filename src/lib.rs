@@ -17,6 +17,7 @@ pub mod cli;
 
 pub mod bench;
 pub mod stress;
+pub mod window;
 
 pub mod pipeline;
 
@@ -48,5 +49,6 @@ pub mod tiling;
 pub mod scene;
 pub mod settings;
 
+pub mod census;
 pub mod error;
 pub mod layout;

@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use crate::cells::{CellSize, Form};
 use crate::change::{Change, Stage, is_stale};
-use crate::choice::{self, Question};
+use crate::choice::{self, Class, Estimate, Question};
 use crate::cl;
 use crate::cpu::scene::SceneTables;
 use crate::emission::Emission;
@@ -22,8 +22,8 @@ use crate::radius;
 use crate::scene::Scene;
 use crate::settings::{Backend, Gather, Lattice, LightMode, Method, Settings};
 use crate::stage::grid::Wanted;
-use crate::stage::map::{MapCounts, MapStage};
-use crate::stage::trace::{ClTrace, CpuTrace, GlTrace, Permutation, Trace};
+use crate::stage::map::{MapCounts, MapStage, MapView};
+use crate::stage::trace::{ClTrace, CpuTrace, GlTrace, Pause, Permutation, Trace};
 use crate::tiling;
 
 /// Where a picture shall be made.
@@ -104,6 +104,14 @@ pub struct Rendering {
     pub uploads: u64,
 }
 
+/// Where a film lies.
+pub enum Film {
+    /// RGBA32F, row 0 is the picture's top; the tracer's own, overwritten by its next picture.
+    Texture(gl::Texture),
+    /// Read back.
+    Host(Image),
+}
+
 /// What the device holds, and what it was made from.
 struct Last {
     scene: Scene,
@@ -112,6 +120,8 @@ struct Last {
     packed: Packed,
     photons: Option<MapCounts>,
     chosen: Chosen,
+    /// The film is unfinished: nobody wanted the rest.
+    stopped: bool,
 }
 
 /// What was chosen for a map where the settings leave it open. It stands until the map changes.
@@ -157,17 +167,49 @@ impl Pipeline {
         Pipeline::open_on(Backend::Cpu, machine, &mut notice)
     }
 
+    /// Opens a backend; OpenGL draws in a context that the caller made current on this thread, and that outlives the
+    /// pipeline: a window's own, or one that shares its textures.
+    ///
+    /// # Errors
+    /// [`Error::Driver`] when the backend is not there.
+    pub fn open_within(
+        backend: Backend,
+        machine: &Machine,
+        current: &gl::Current,
+        mut notice: impl FnMut(&str),
+    ) -> Result<Pipeline> {
+        Pipeline::open_with(backend, machine, Some(current), &mut notice)
+    }
+
     fn open_on(backend: Backend, machine: &Machine, notice: &mut dyn FnMut(&str)) -> Result<Pipeline> {
+        Pipeline::open_with(backend, machine, None, notice)
+    }
+
+    fn open_with(
+        backend: Backend,
+        machine: &Machine,
+        current: Option<&gl::Current>,
+        notice: &mut dyn FnMut(&str),
+    ) -> Result<Pipeline> {
         let mut devices = Devices::default();
         let mut context = None;
         let (tracer, map): (Box<dyn Trace>, MapStage) = match backend {
             Backend::OpenGl => {
-                let headless = Headless::new()?;
-                // A driver may be there and yet draw nothing: then the next backend is tried.
-                gl::probe(&headless)?;
-                devices.opengl = Some(format!("{} ({})", headless.renderer, headless.route));
-                let tracer = GlTrace::new(&headless.gl, headless.is_software)?;
-                context = Some(headless);
+                let tracer = match current {
+                    Some(current) => {
+                        devices.opengl = Some(current.renderer.clone());
+                        GlTrace::new(&current.gl, current.is_software)?
+                    }
+                    None => {
+                        let headless = Headless::new()?;
+                        // A driver may be there and yet draw nothing: then the next backend is tried.
+                        gl::probe(&headless)?;
+                        devices.opengl = Some(format!("{} ({})", headless.renderer, headless.route));
+                        let tracer = GlTrace::new(&headless.gl, headless.is_software)?;
+                        context = Some(headless);
+                        tracer
+                    }
+                };
                 let map = match open_lanes(machine, notice) {
                     Ok(opened) => {
                         devices.name_opencl(&opened);
@@ -199,6 +241,20 @@ impl Pipeline {
     /// # Errors
     /// [`Error::Build`] and [`Error::Device`] from the backend.
     pub fn render(&mut self, scene: &Scene, settings: &Settings) -> Result<Rendering> {
+        let start = Instant::now();
+        let mut rendering = self.draw(scene, settings)?;
+        let mut lap = Lap::new();
+        rendering.image = self.tracer.read()?;
+        rendering.times.readback = lap.ms();
+        rendering.times.total = start.elapsed().as_secs_f64() * 1e3;
+        Ok(rendering)
+    }
+
+    /// Like [`Pipeline::render`], but leaves the film where it was made: the image is empty, see [`Pipeline::film`].
+    ///
+    /// # Errors
+    /// As [`Pipeline::render`].
+    pub fn draw(&mut self, scene: &Scene, settings: &Settings) -> Result<Rendering> {
         let start = Instant::now();
         let mut times = Times::default();
         let change = self.change(scene, settings);
@@ -269,11 +325,15 @@ impl Pipeline {
             self.tracer.compile(&Permutation { features, gathering })?;
             times.compile += lap.ms();
         }
-        let view = if wants_photons { self.map.view() } else { None };
-        if let (true, Some(view), Some(gathering)) = (stale(Stage::Textures), &view, &gathering) {
+        if let (true, Some(view), Some(gathering)) = (stale(Stage::Textures), &self.map.view(), &gathering) {
             uploads = self.tracer.upload_map(view, gathering)?;
+        }
+        if uploads > 0 {
+            // Two copies of a small map are quicker to change; of a large one they are too much.
+            self.map.copied(TWO_COPIES)?;
             times.upload += lap.ms();
         }
+        let view = if wants_photons { self.map.view() } else { None };
         if let (true, Some(view)) = (wants_photons && chosen.method.is_tiled() && stale(Stage::Tiles), &view) {
             uploads += self.tracer.upload_tiles(view)?;
             times.upload += lap.ms();
@@ -282,8 +342,6 @@ impl Pipeline {
             self.tracer.trace(&frame, view.as_ref())?;
             times.trace = lap.ms();
         }
-        let image = self.tracer.read()?;
-        times.readback = lap.ms();
         times.total = start.elapsed().as_secs_f64() * 1e3;
 
         let of_photons = [Stage::Photons, Stage::Grid, Stage::Tiles, Stage::Textures];
@@ -292,10 +350,42 @@ impl Pipeline {
         let done = |stage: &Stage| stale(*stage) && wanted(stage);
         let skipped = Stage::ALL.into_iter().filter(|stage| !done(stage)).collect();
         let radius = wants_photons.then_some(chosen.radius);
-        self.last = Some(Last { scene: scene.clone(), settings: settings.clone(), features, packed, photons, chosen });
+        let stopped = self.tracer.was_stopped();
+        self.last =
+            Some(Last { scene: scene.clone(), settings: settings.clone(), features, packed, photons, chosen, stopped });
         let method = wants_photons.then_some(chosen.method);
         let tile = method.filter(|method| method.is_tiled()).map(|_| chosen.tile);
+        let image = Image { width: 0, height: 0, pixels: Vec::new() };
         Ok(Rendering { image, times, skipped, photons, method, tile, radius, uploads })
+    }
+
+    /// The film of the last picture: a texture of the current context where OpenGL drew it, else in host memory.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when the device fails.
+    pub fn film(&mut self) -> Result<Film> {
+        match self.tracer.texture() {
+            Some(texture) => Ok(Film::Texture(texture)),
+            None => Ok(Film::Host(self.tracer.read()?)),
+        }
+    }
+
+    /// Lets pictures be drawn in parts, between which `pause` is called; where it returns false, the rest of the
+    /// picture is not wanted. OpenGL and the CPU heed it.
+    pub fn set_pause(&mut self, pause: Option<Pause>) {
+        self.tracer.set_pause(pause);
+    }
+
+    /// Whether the last picture is unfinished, because the rest was not wanted.
+    pub fn was_stopped(&self) -> bool {
+        self.tracer.was_stopped()
+    }
+
+    /// The last photon map, and where its positions' origin lies in the world; for those who look at photons.
+    pub fn map(&self) -> Option<(MapView<'_>, &Packed)> {
+        let last = self.last.as_ref()?;
+        last.photons?;
+        Some((self.map.view()?, &last.packed))
     }
 
     /// Traces the same picture again and tells the milliseconds it took: for timings, apart from all else.
@@ -312,6 +402,32 @@ impl Pipeline {
         let mut lap = Lap::new();
         self.tracer.trace(&last.packed.frame(&scene.camera, settings), view.as_ref())?;
         Ok(lap.ms())
+    }
+
+    /// What gathering costs are known for on this backend.
+    pub fn class(&self) -> Class {
+        match (self.backend, self.devices.lanes, &self.context) {
+            (Backend::Cpu, ..) => Class::Cpu,
+            (Backend::OpenCl, Some(1), _) => Class::OpenClGpu,
+            (Backend::OpenCl, ..) => Class::OpenClLanes,
+            (Backend::OpenGl, _, Some(context)) if !context.is_software => Class::OpenGlGpu,
+            (Backend::OpenGl, ..) => Class::OpenGlSoftware,
+        }
+    }
+
+    /// What each method would take for the last picture, the cheapest first; empty where it has no photons.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when the map cannot be looked at.
+    pub fn estimates(&self) -> Result<Vec<Estimate>> {
+        let Some((last, counts)) = self.last.as_ref().and_then(|last| Some((last, last.photons?))) else {
+            return Ok(Vec::new());
+        };
+        let tables = SceneTables::new(&last.packed, &last.features);
+        let frame = last.packed.frame(&last.scene.camera, &last.settings);
+        let (stored, radius) = (counts.stored, last.chosen.radius);
+        let question = Question { stored, radius, tile: None, class: self.class() };
+        Ok(choice::estimates(&tables, &frame, &self.map.sample(radius::SAMPLE)?, &question))
     }
 
     /// Makes the GL context the thread's own again: another pipeline may have worked in between.
@@ -335,7 +451,7 @@ impl Pipeline {
             let method = if method == Method::Auto { Method::Grid } else { method };
             return Ok(Chosen { method, ..asked });
         }
-        let question = Question { stored, radius, tile, alone: self.backend != Backend::OpenCl };
+        let question = Question { stored, radius, tile, class: self.class() };
         let estimates = choice::estimates(tables, frame, &self.map.sample(radius::SAMPLE)?, &question);
         let Some(best) = estimates.first() else { return Ok(Chosen { method: Method::Grid, ..asked }) };
         Ok(Chosen { method: best.method, tile: best.tile.unwrap_or(asked.tile), ..asked })
@@ -364,6 +480,7 @@ impl Pipeline {
         let emitted = |s: &Settings| (s.photons, s.seed, s.light);
         Change::CAMERA
             .when(before.camera != scene.camera || size(was) != size(settings))
+            .and(Change::CAMERA.when(last.stopped))
             .and(Change::LIGHTS.when(before.lights != scene.lights))
             .and(Change::MATERIALS.when(before.materials != scene.materials))
             .and(Change::GEOMETRY.when(before.spheres != scene.spheres || before.planes != scene.planes))
@@ -381,6 +498,9 @@ impl Drop for Pipeline {
         let _ = self.make_current();
     }
 }
+
+/// Bytes of OpenCL's buffers beyond which they are given back as soon as OpenGL has a copy: of half a million photons.
+const TWO_COPIES: usize = 32_000_000;
 
 /// The grid that these settings ask for; `alone`: for queries that walk one by one.
 fn grid_wanted(settings: &Settings, radius: f32, alone: bool, origin: DVec3) -> Wanted {

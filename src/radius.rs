@@ -15,8 +15,11 @@ pub const SAMPLE: usize = 1 << 14;
 const SCALE: f64 = 0.26;
 
 /// Largest R in radii of a sphere that is plainly seen: around a sphere, light varies over its own size. Measured on
-/// sphere_and_plane, whose best radius is 0.9 (200k paths) to 1.3 (20k).
-const OF_SPHERE: f32 = 0.9;
+/// sphere_and_plane, whose best radius is 0.9 at 7,272 photons (200k paths) and 1.26 at a tenth of them.
+const OF_SPHERE: f64 = 0.9;
+
+/// Photons below which noise is worse than that: the limit then goes with n^(−1/6) as R itself does.
+const FEW: f64 = 7000.0;
 
 /// Points of the raster that see a sphere for it to count: 2% of the picture.
 const PLAINLY: usize = 4;
@@ -36,8 +39,9 @@ pub fn choose(scene: &SceneTables, frame: &Frame, sample: &Sample, stored: u64) 
     areas.sort_by(f64::total_cmp);
     let spread = areas[areas.len() / 2] * sample.positions.len() as f64;
     let radius = (SCALE * spread.sqrt() * (stored as f64).powf(-1.0 / 6.0)) as f32;
+    let limit = (OF_SPHERE * (FEW / stored.max(1) as f64).powf(1.0 / 6.0).max(1.0)) as f32;
     let seen = |sphere: &usize| points.iter().filter(|(_, (object, _))| object == sphere).count() >= PLAINLY;
-    let spheres = (0..scene.sphere_count).filter(seen).map(|sphere| scene.objects[sphere].extent * OF_SPHERE);
+    let spheres = (0..scene.sphere_count).filter(seen).map(|sphere| scene.objects[sphere].extent * limit);
     spheres.fold(radius, f32::min)
 }
 

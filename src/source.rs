@@ -26,6 +26,8 @@ const FILES: &[(&str, &str)] = &[
     ("shared/pixel.glsl", include_str!("../glsl/shared/pixel.glsl")),
     ("shared/sampling.glsl", include_str!("../glsl/shared/sampling.glsl")),
     ("shared/walk.glsl", include_str!("../glsl/shared/walk.glsl")),
+    ("mean.frag", include_str!("../glsl/mean.frag")),
+    ("present.frag", include_str!("../glsl/present.frag")),
     ("shared/faults.glsl", include_str!("../glsl/shared/faults.glsl")),
     ("shared/stress.glsl", include_str!("../glsl/shared/stress.glsl")),
     ("probe.frag", include_str!("../glsl/probe.frag")),

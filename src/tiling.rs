@@ -87,9 +87,10 @@ pub fn plan(objects: &[Object], frame: &Frame, mut seen: Vec<Seen>, photons: usi
         tile.count += 1.0;
         let Bounds { low, high } = bounds;
         let size = low.iter().chain(&high).map(|x| x.abs()).sum::<f32>();
-        let margin = wanted.radius * 1.0005 + 5e-6 * size;
+        // Points up to 1e-3 R outside a box, along each axis, are served by it (`find_region`).
+        let margin = wanted.radius * 1.0025 + 5e-6 * size;
         // Wider than that.
-        let grow = wanted.radius * 1.001 + 1e-5 * size;
+        let grow = wanted.radius * 1.0035 + 1e-5 * size;
         let extent = [0, 1, 2].map(|axis| high[axis] - low[axis] + 2.0 * grow);
         // An axis-aligned plane is flat, and so are its photons: cells across it would be empty rows.
         let flat = [0, 1, 2].map(|axis| high[axis] - low[axis] < FLAT * wanted.radius);
@@ -125,7 +126,7 @@ pub fn plan(objects: &[Object], frame: &Frame, mut seen: Vec<Seen>, photons: usi
 }
 
 /// Cells of one region at most.
-const MAX_CELLS: usize = 1 << 12;
+pub const MAX_CELLS: usize = 1 << 12;
 
 /// A region thinner than this, in radii, is one cell thick.
 const FLAT: f32 = 0.1;

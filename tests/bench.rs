@@ -89,14 +89,21 @@ fn radius_marks_the_chosen_and_the_best_and_writes_files() {
 fn gather_tests_more_candidates_in_larger_cells() {
     let report = json("bench box --suite gather --quick --json");
     let rows = rows(&report);
-    let ratios: Vec<f64> = rows.iter().map(|row| row["candidates_per_accepted"].as_f64().unwrap()).collect();
+    let of = |method: &str, key: &str| -> Vec<f64> {
+        rows.iter().filter(|row| row["method"] == method).map(|row| row[key].as_f64().unwrap()).collect()
+    };
+    let ratios = of("grid", "candidates_per_accepted");
     // Rows are by radius, then by cells along it: 1, 2, 3, 4.
     for by_cells in ratios.chunks(4) {
         assert!(by_cells.windows(2).all(|pair| pair[0] > pair[1]), "{by_cells:?}");
         assert!(by_cells.iter().all(|ratio| *ratio >= 1.0), "a photon is accepted that was no candidate");
     }
     let accepted: Vec<f64> = rows.iter().map(|row| row["accepted"].as_f64().unwrap()).collect();
-    assert!(accepted.chunks(4).all(|same| same.iter().all(|a| *a == same[0])), "cells change what is found");
+    // 4 sizes of cells, then 3 of tiles and of tiled grids: the same photons by all of them.
+    assert!(accepted.chunks(10).all(|same| same.iter().all(|a| *a == same[0])), "cells change what is found");
+    let [tiles, tiled] = ["tiles", "tiled-grid"].map(|method| of(method, "candidates_per_accepted"));
+    assert!(tiles.iter().zip(&tiled).all(|(tiles, tiled)| (1.0..=*tiles).contains(tiled)), "{tiles:?}, {tiled:?}");
+    assert!(tiles.chunks(3).all(|by_size| by_size.windows(2).all(|pair| pair[0] >= pair[1])), "{tiles:?}");
 }
 
 #[test]

@@ -1,11 +1,14 @@
-//! Gather: how many photons a query has to test for each that it accepts, by radius and cell size.
+//! Gather: how many photons a query has to test for each that it accepts, by radius, method, and cell or tile size.
 
-use super::table::Table;
+use glam::Vec3;
+
+use super::table::{Table, Value};
 use super::{Measured, Options, Progress, Steps};
 use crate::cells::{self, CELLS_PER_RADIUS, CELLS_PER_RADIUS_ALONE, CellSize, Form};
+use crate::choice;
 use crate::cpu;
 use crate::cpu::camera::camera_direction;
-use crate::cpu::gather::{PhotonMap, for_each_candidate, near};
+use crate::cpu::gather::{PhotonMap, for_each_candidate, for_each_listed, near};
 use crate::cpu::photons::{PhotonTables, photons};
 use crate::cpu::scene::SceneTables;
 use crate::emission::{self, Emission};
@@ -16,8 +19,9 @@ use crate::layout::Frame;
 use crate::pack::Packed;
 use crate::radius;
 use crate::scene::Scene;
-use crate::settings::{Amount, Sampler, Settings};
+use crate::settings::{Amount, Method, Sampler, Settings};
 use crate::stage::map::Sample;
+use crate::tiling;
 
 /// Cells along a radius: one, and what the backends take.
 const CELLS: [f32; 4] = [1.0, CELLS_PER_RADIUS, CELLS_PER_RADIUS_ALONE, 4.0];
@@ -28,8 +32,11 @@ struct Plan {
     stored: Vec<u32>,
     radii: Vec<f32>,
     cells_per_radius: [f32; 4],
-    /// Pixels whose visible points ask.
-    queries: [u32; 2],
+    /// Tiles of these sizes, pixels.
+    tiles: [[u32; 2]; 3],
+    size: [u32; 2],
+    /// Every how many-th pixel's visible point asks, across and down.
+    stride: u32,
 }
 
 /// What the queries of a picture found.
@@ -42,12 +49,14 @@ struct Found {
 
 /// See [`super::Suite::Gather`].
 pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Measured> {
-    let (width, height) = options.or(options.size, (160, 120), (32, 24));
+    let (width, height) = options.or(options.size, (640, 480), (64, 48));
     let plan = Plan {
         stored: options.list(&options.photons, &[200_000], &[5_000]),
         radii: options.list(&options.radii, &[0.1, 0.2, 1.0], &[0.2]),
         cells_per_radius: CELLS,
-        queries: [width, height],
+        tiles: choice::SIZES,
+        size: [width, height],
+        stride: if options.quick { 2 } else { 4 },
     };
     let mut steps = Steps::new(progress, options.scenes.len() * plan.stored.len() * (1 + plan.radii.len()));
     let mut rows = Table::new([
@@ -55,8 +64,11 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Meas
         "stored",
         "radius_m",
         "is_auto",
+        "method",
         "cells_per_radius",
         "form",
+        "tile",
+        "entries_per_photon",
         "candidates",
         "accepted",
         "candidates_per_accepted",
@@ -75,23 +87,36 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Meas
             let chosen = radius::choose(&tables, &frame, &sample, map.len() as u64);
             for (is_auto, radius) in [(true, chosen)].into_iter().chain(plan.radii.iter().map(|r| (false, *r))) {
                 steps.begin(&format!("{}: {stored} photons, R={radius:.3}", scene.name));
+                let mut add = |method: Method, place: [Value; 4], found: Found| {
+                    let mean = |sum: u64| sum as f64 / found.queries as f64;
+                    let mut row = vec![scene.name.as_str().into(), (*stored).into(), radius.into(), is_auto.into()];
+                    row.push(method.name().into());
+                    row.extend(place);
+                    row.extend([mean(found.candidates).into(), mean(found.accepted).into()]);
+                    row.push((found.candidates as f64 / found.accepted as f64).into());
+                    rows.push(row);
+                };
                 for cells_per_radius in CELLS {
                     let size = CellSize::PerRadius(cells_per_radius);
                     let bounds = cpu::grid::grid_bounds(&map.view(), 2 * packed.objects.len());
                     let laid_out = cells::plan(&packed.objects, &bounds, map.len(), radius, size, Form::Auto)?;
-                    let found = ask(scene, &tables, &frame, &map, &laid_out);
-                    let mean = |sum: u64| sum as f64 / found.queries as f64;
-                    rows.push([
-                        scene.name.as_str().into(),
-                        (*stored).into(),
-                        radius.into(),
-                        is_auto.into(),
-                        cells_per_radius.into(),
-                        if laid_out.hashed { "hashed" } else { "dense" }.into(),
-                        mean(found.candidates).into(),
-                        mean(found.accepted).into(),
-                        (found.candidates as f64 / found.accepted as f64).into(),
-                    ]);
+                    let found = ask(scene, &tables, &frame, &map, &laid_out, plan.stride);
+                    let form = if laid_out.hashed { "hashed" } else { "dense" };
+                    add(Method::Grid, [cells_per_radius.into(), form.into(), Value::Missing, 1.0.into()], found);
+                }
+                for (method, tile) in
+                    [Method::Tiles, Method::TiledGrid].into_iter().flat_map(|m| plan.tiles.map(|tile| (m, tile)))
+                {
+                    let wanted = tiling::Wanted { radius, tile, cells: method == Method::TiledGrid };
+                    let seen = cpu::tiles::tiles_seen(&tables, &frame, tile);
+                    let tiles = tiling::plan(&packed.objects, &frame, seen, map.len(), &wanted)?;
+                    let lists = cpu::tiles::tiles(&map.view(), &tiles, &frame)?;
+                    let found = ask_tiles(&tables, &frame, &map, (&tiles, &lists), plan.stride);
+                    let cells = (method == Method::TiledGrid).then_some(CELLS_PER_RADIUS);
+                    let entries = lists.tile_photons.len() as f64 / map.len() as f64;
+                    let size = format!("{}x{}", tile[0], tile[1]);
+                    let place = [cells.into(), "dense".into(), size.as_str().into(), entries.into()];
+                    add(method, place, found);
                 }
             }
         }
@@ -106,21 +131,67 @@ fn emit(scene: &SceneTables, packed: &Packed, stored: u32) -> Result<PhotonTable
     photons(scene, &emission::Plan::indirect(packed)?, &emission)
 }
 
-/// Every visible point of the picture asks for its photons.
-fn ask(scene: &Scene, tables: &SceneTables, frame: &Frame, map: &PhotonTables, plan: &cells::Plan) -> Found {
+/// Points of a coarse raster of pixels ask a grid for their photons.
+fn ask(
+    scene: &Scene,
+    tables: &SceneTables,
+    frame: &Frame,
+    map: &PhotonTables,
+    plan: &cells::Plan,
+    stride: u32,
+) -> Found {
     let grid = cpu::grid::grid(&map.view(), plan);
     let own = Gathering::of(tables.objects, tables.sphere_count, is_divided(scene));
     let gathering = Gathering { hashed: plan.hashed, ..own };
     let map = PhotonMap { gathering: &gathering, plan, stored: map.view(), grid: &grid, tiles: None };
     let mut found = Found::default();
-    for (x, y) in (0..frame.height as u32).flat_map(|y| (0..frame.width as u32).map(move |x| (x, y))) {
-        let (origin, direction) = (frame.position.into(), camera_direction(frame, x as f32 + 0.5, y as f32 + 0.5));
-        let Some(hit) = tables.closest_hit(origin, direction, None) else { continue };
-        let surface = tables.surface_at(origin, direction, hit);
-        let face = 2 * surface.object + usize::from(surface.side < 0.0);
+    for Query { face, position, .. } in queries(tables, frame, stride) {
         found.queries += 1;
-        for_each_candidate(&map, face, surface.position, |_| found.candidates += 1);
-        found.accepted += near(&map, face, surface.position, 0).len() as u64;
+        for_each_candidate(&map, face, position, |_| found.candidates += 1);
+        found.accepted += near(&map, face, position, 0).len() as u64;
     }
     found
+}
+
+/// The same of tiles' lists.
+fn ask_tiles(
+    tables: &SceneTables,
+    frame: &Frame,
+    map: &PhotonTables,
+    (plan, lists): (&tiling::Plan, &cpu::tiles::TileTables),
+    stride: u32,
+) -> Found {
+    let radius = plan.gather.radius;
+    let mut found = Found::default();
+    for Query { pixel: [x, y], face, position } in queries(tables, frame, stride) {
+        let tile = cpu::tiles::tile_at(&plan.gather, x, y);
+        let Some(region) = cpu::tiles::find_region(plan, tile, face, position) else { continue };
+        found.queries += 1;
+        for_each_listed(lists, region, radius, position, |photon| {
+            found.candidates += 1;
+            let away = Vec3::from(map.positions[photon].position) - position;
+            found.accepted += u64::from(away.length_squared() < radius * radius);
+        });
+    }
+    found
+}
+
+/// A visible point.
+struct Query {
+    pixel: [u32; 2],
+    face: usize,
+    position: Vec3,
+}
+
+/// What every so many-th pixel's centre sees.
+fn queries(tables: &SceneTables, frame: &Frame, stride: u32) -> impl Iterator<Item = Query> {
+    let along = move |pixels: f32| (0..pixels as u32).step_by(stride as usize);
+    let origin = Vec3::from(frame.position);
+    along(frame.height).flat_map(move |y| along(frame.width).map(move |x| [x, y])).filter_map(move |pixel| {
+        let direction = camera_direction(frame, pixel[0] as f32 + 0.5, pixel[1] as f32 + 0.5);
+        let hit = tables.closest_hit(origin, direction, None)?;
+        let surface = tables.surface_at(origin, direction, hit);
+        let face = 2 * surface.object + usize::from(surface.side < 0.0);
+        Some(Query { pixel, face, position: surface.position })
+    })
 }

@@ -14,6 +14,7 @@ use crate::pipeline::Machine;
 use crate::scene::Scene;
 use crate::settings::Backend;
 
+mod choice;
 mod gather;
 mod machine;
 pub mod plot;
@@ -40,6 +41,8 @@ pub enum Suite {
     Gather,
     /// The experiments of the 2016 report, beside its own figures.
     Report,
+    /// The automatic choice between grid, tiles and tiled grid against what each takes.
+    Choice,
 }
 
 impl Suite {
@@ -50,13 +53,14 @@ impl Suite {
             Suite::Radius => "radius",
             Suite::Gather => "gather",
             Suite::Report => "report",
+            Suite::Choice => "choice",
         }
     }
 
     /// The scenes that it takes when none are named: built-in ones.
     pub fn scenes(self) -> &'static [&'static str] {
         match self {
-            Suite::Speed => &["gi_ref", "sphere_and_plane", "box"],
+            Suite::Speed | Suite::Choice => &["gi_ref", "sphere_and_plane", "box"],
             Suite::Radius | Suite::Gather | Suite::Report => &["gi_ref", "sphere_and_plane"],
         }
     }
@@ -73,6 +77,7 @@ impl Suite {
             Suite::Radius => radius::run(options, progress)?,
             Suite::Gather => gather::run(options, progress)?,
             Suite::Report => report::run(options, &machine, progress)?,
+            Suite::Choice => choice::run(options, progress)?,
         };
         machine.finish();
         let Measured { settings, rows, summaries, charts } = measured;

@@ -11,22 +11,15 @@ use super::table::{Table, Value};
 use super::timing::Samples;
 use super::{MachineInfo, Measured, Options, Progress, Report, Steps, Suite};
 use crate::error::{Error, Result};
-use crate::film::Image;
-use crate::metrics::{self, measure};
 use crate::pipeline::Pipeline;
-use crate::scene::Scene;
-use crate::settings::{Amount, Backend, LightMode, Settings};
+use crate::settings::{Amount, Backend};
 use cases::{Case, RADIUS, Way, cases};
+use errors::Errors;
 
 mod cases;
 mod charts;
+mod errors;
 mod published;
-
-/// Factors by which the automatic radius is lowered while the error allows it.
-const FACTORS: [f32; 7] = [1.0, 0.7, 0.5, 0.35, 0.25, 0.18, 0.125];
-
-/// Paths beyond which an error that is still the worse is taken as it is.
-const MOST_PATHS: u32 = 1 << 24;
 
 /// How far the camera moves between frames, metres: another view, for which tiles are made anew and nothing else.
 const STEP: f64 = 1e-6;
@@ -267,18 +260,6 @@ fn summaries(rows: &[(&Case, &Row)]) -> Vec<Table> {
     vec![table]
 }
 
-/// Errors of a scene's map.
-struct Errors {
-    scene: String,
-    photons: u32,
-    /// Paths that the report's map takes; more where the automatic choice needs them for an error no worse.
-    paths: u32,
-    /// relMSE of the report's settings.
-    report: f64,
-    /// The automatic radius at an error no worse, and that error.
-    auto: (f32, f64),
-}
-
 /// The pipelines that are open, and what was found with them.
 struct Bench<'a> {
     options: &'a Options,
@@ -322,9 +303,9 @@ impl Bench<'_> {
             build.ms.push(times.tiles + if times.tiles > 0.0 { times.upload } else { 0.0 });
             trace.ms.push(times.trace);
         };
-        // The first frame builds programs and tables; the CPU's has nothing to warm up, so a long one may count.
+        // The first frame builds programs and tables; where that is little, on the CPU or in a long one, it may count.
         let rounds = match first.times.trace {
-            long if long > 3000.0 && case.backend == Backend::Cpu => {
+            long if long > 20_000.0 || long > 3000.0 && case.backend == Backend::Cpu => {
                 take(&first.times);
                 0
             }
@@ -360,81 +341,5 @@ impl Bench<'_> {
             rel_mse: errors.map(|(_, report, (_, auto))| if case.way == Way::Auto { auto } else { report }),
             report_ms: published::published(case),
         }))
-    }
-
-    /// Errors against the reference at the report's settings and at the automatic radius, lowered as long as the error is
-    /// no worse. `None` where there is no reference image.
-    fn errors(&mut self, scene: &Scene, photons: u32, steps: &mut Steps) -> Result<Option<&Errors>> {
-        let known = |errors: &Option<Errors>| {
-            errors.as_ref().is_some_and(|errors| errors.scene == scene.name && errors.photons == photons)
-        };
-        if let Some(place) = self.errors.iter().position(known) {
-            return Ok(self.errors[place].as_ref());
-        }
-        let path = match &self.options.reference {
-            Some(path) => path.clone(),
-            None => format!("tests/golden/{}.exr", scene.name).into(),
-        };
-        if !path.exists() {
-            steps.notice(&format!(
-                "{}: no reference image here: errors and the automatic choice are left out for {}",
-                path.display(),
-                scene.name
-            ));
-            return Ok(None);
-        }
-        let reference = Image::load(&path)?;
-        let samples = self.plan.samples;
-        // The fastest that is there: all of them make the same picture.
-        let judge = [Backend::OpenCl, Backend::OpenGl, Backend::Cpu];
-        let wanted = judge.into_iter().filter(|backend| self.options.backends.contains(backend)).collect::<Vec<_>>();
-        let Some(judge) = wanted.into_iter().find(|backend| self.pipeline(*backend, steps).is_some()) else {
-            return Ok(None);
-        };
-        let Some(pipeline) = self.pipeline(judge, steps) else { return Ok(None) };
-        let size = Settings { width: reference.width, height: reference.height, samples, ..Settings::default() };
-        let mut settings = Settings { light: LightMode::Photons, ..size.clone() };
-        settings.photons.amount = Amount::Stored(photons);
-        settings.gather.radius = Some(RADIUS);
-        let judged = pipeline.render(scene, &settings)?;
-        let error = |image: &Image| Ok::<_, Error>(measure(image, &reference, &metrics::Settings::default())?.rel_mse);
-        let report = error(&judged.image)?;
-        let paths = judged.photons.map_or(1, |counts| counts.emitted as u32);
-
-        let mut settings = size;
-        settings.photons.amount = Amount::Paths(paths);
-        // The first radius is the one that nobody asked for. Of the smaller ones that are good enough the fastest.
-        let mut auto: Option<(f64, f32, f64)> = None;
-        let mut chosen = None;
-        let mut paths = paths;
-        for factor in FACTORS {
-            settings.gather.radius = chosen.map(|radius: f32| radius * factor);
-            let mut rendered = pipeline.render(scene, &settings)?;
-            let mut found = error(&rendered.image)?;
-            // Few photons, all of them indirect light's, may show noise where the report's settings blur: take more.
-            while chosen.is_none() && found > report && paths < MOST_PATHS {
-                paths *= 2;
-                settings.photons.amount = Amount::Paths(paths);
-                rendered = pipeline.render(scene, &settings)?;
-                found = error(&rendered.image)?;
-            }
-            let radius = rendered.radius.unwrap_or(RADIUS);
-            if chosen.is_some() && found > report {
-                break;
-            }
-            chosen = chosen.or(Some(radius));
-            // Once more: the first picture built programs.
-            let mut moved = scene.clone();
-            moved.camera.position.x += STEP;
-            let times = pipeline.render(&moved, &settings)?.times;
-            let ms = times.tiles + times.trace;
-            if auto.is_none_or(|(least, ..)| ms < least) {
-                auto = Some((ms, radius, found));
-            }
-        }
-        let (_, radius, found) = auto.expect("the first factor always counts");
-        let auto = (radius, found);
-        self.errors.push(Some(Errors { scene: scene.name.clone(), photons, paths, report, auto }));
-        Ok(self.errors.last().and_then(Option::as_ref))
     }
 }

@@ -10,6 +10,7 @@ use opencl3::memory::{Buffer as ClBuffer, CL_MAP_READ, CL_MEM_READ_WRITE, ClMem}
 use opencl3::types::{CL_BLOCKING, cl_mem, cl_uchar};
 
 use super::{Context, failed};
+use crate::census::{Counted, Kind};
 use crate::error::Result;
 
 /// Where parts of a buffer may begin, bytes: no driver asks for more (PoCL 128, NVIDIA 512).
@@ -28,6 +29,7 @@ pub struct Buffer<T> {
 struct Entry {
     memory: Rc<Memory>,
     bytes: usize,
+    _counted: Counted,
 }
 
 impl Drop for Entry {
@@ -57,7 +59,7 @@ impl Memory {
     fn enter(self: &Rc<Memory>, bytes: usize) -> Entry {
         self.held.set(self.held.get() + bytes);
         self.most.set(self.most.get().max(self.held.get()));
-        Entry { memory: Rc::clone(self), bytes }
+        Entry { memory: Rc::clone(self), bytes, _counted: Counted::new(Kind::OpenCl) }
     }
 }
 

@@ -75,6 +75,8 @@ enum SuiteArg {
     Gather,
     /// The experiments of the 2016 report beside its own figures; with -o, rows measured before are kept
     Report,
+    /// The automatic choice between grid, tiles and tiled grid against what each takes
+    Choice,
 }
 
 impl From<SuiteArg> for Suite {
@@ -84,6 +86,7 @@ impl From<SuiteArg> for Suite {
             SuiteArg::Radius => Suite::Radius,
             SuiteArg::Gather => Suite::Gather,
             SuiteArg::Report => Suite::Report,
+            SuiteArg::Choice => Suite::Choice,
         }
     }
 }

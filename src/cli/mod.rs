@@ -9,6 +9,7 @@ mod reference;
 mod render;
 mod stress;
 mod validate;
+mod view;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -28,6 +29,7 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     Render(render::Args),
+    View(view::Args),
     Compare(compare::Args),
     Bench(bench::Args),
     Stress(stress::Args),
@@ -42,8 +44,10 @@ enum Command {
 /// # Errors
 /// Whatever the command meets; [`crate::error::Error::exit_code`] says how the process should end.
 pub fn run() -> Result<()> {
+    let started = std::time::Instant::now();
     match Cli::parse().command {
         Command::Render(args) => render::run(&args),
+        Command::View(args) => view::run(&args, started),
         Command::Compare(args) => compare::run(&args),
         Command::Bench(args) => bench::run(&args),
         Command::Stress(args) => stress::run(&args),

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::options::RenderOptions;
 use super::print_json;
-use crate::choice::{self, Estimate, Question};
+use crate::choice::{self, Class, Estimate, Question};
 use crate::cpu::scene::SceneTables;
 use crate::error::{Error, Result};
 use crate::features::{Features, Reason};
@@ -73,10 +73,16 @@ struct Memory {
 struct Gathering {
     radius: f32,
     stored: u64,
-    /// For fragments, which gather alone: the cheapest first.
+    /// For fragments of a GPU: the cheapest first.
     opengl: Vec<Estimate>,
-    /// The same for pixels that gather together.
+    /// The same for OpenCL on a GPU.
     opencl: Vec<Estimate>,
+    /// Fragments of a software rasteriser.
+    opengl_software: Vec<Estimate>,
+    /// OpenCL on a CPU, whose pixels gather in blocks.
+    opencl_cpu: Vec<Estimate>,
+    /// The twin.
+    cpu: Vec<Estimate>,
 }
 
 /// Paths that are emitted to judge the map by.
@@ -105,11 +111,19 @@ fn gathering(scene: &Scene, settings: &Settings, features: &Features, packed: &P
     let (tables, frame) = (SceneTables::new(packed, features), packed.frame(&scene.camera, settings));
     let sample = map.sample(radius::SAMPLE)?;
     let radius = settings.gather.radius.unwrap_or_else(|| radius::choose(&tables, &frame, &sample, stored));
-    let [opengl, opencl] = [true, false].map(|alone| {
-        let question = Question { stored, radius, tile: settings.gather.tile, alone };
+    let weigh = |class| {
+        let question = Question { stored, radius, tile: settings.gather.tile, class };
         choice::estimates(&tables, &frame, &sample, &question)
-    });
-    Ok(Some(Gathering { radius, stored, opengl, opencl }))
+    };
+    Ok(Some(Gathering {
+        radius,
+        stored,
+        opengl: weigh(Class::OpenGlGpu),
+        opencl: weigh(Class::OpenClGpu),
+        opengl_software: weigh(Class::OpenGlSoftware),
+        opencl_cpu: weigh(Class::OpenClLanes),
+        cpu: weigh(Class::Cpu),
+    }))
 }
 
 /// Which stages a first picture runs, in the pipeline's order.
@@ -208,15 +222,30 @@ pub fn run(args: &Args) -> Result<()> {
         );
     }
     println!("gather {} photons with R = {:.4} m", gather.stored, gather.radius);
-    for (backend, estimates) in [("opengl", &gather.opengl), ("opencl", &gather.opencl)] {
+    for (class, estimates) in [
+        (Class::OpenGlGpu, &gather.opengl),
+        (Class::OpenGlSoftware, &gather.opengl_software),
+        (Class::OpenClGpu, &gather.opencl),
+        (Class::OpenClLanes, &gather.opencl_cpu),
+        (Class::Cpu, &gather.cpu),
+    ] {
         let least = estimates.first().map_or(1.0, |best| best.cost);
-        for (rank, Estimate { method, tile, candidates, entries, cost }) in estimates.iter().enumerate() {
+        for (rank, estimate) in estimates.iter().enumerate() {
+            let Estimate { method, tile, candidates, entries, cost, .. } = estimate;
+            // Of each method the best tiles.
+            if estimates[..rank].iter().any(|better| better.method == *method) {
+                continue;
+            }
             let size = tile.map(|[w, h]| format!(" {w}x{h}")).unwrap_or_default();
+            let (dearest, share) = estimate.dearest(class);
             println!(
-                "  {} {backend} {:<17} {candidates:>9.1} candidates a pixel, {entries:>10.0} entries, {:>6.2} × the cost",
+                "  {} {:<15} {:<17} {candidates:>9.1} candidates a pixel, {entries:>10.0} entries, {:>6.2} x the cost, \
+                 {:.0}% {dearest}",
                 if rank == 0 { "used   " } else { "skipped" },
+                class.name(),
                 format!("{}{size}", method.name()),
-                cost / least
+                cost / least,
+                100.0 * share
             );
         }
     }

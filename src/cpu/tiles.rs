@@ -154,7 +154,7 @@ pub fn find_region(plan: &Plan, tile: usize, face: usize, point: Vec3) -> Option
     let tile = &plan.tiles[tile];
     let first = tile.first as usize;
     let region = plan.regions[first..first + tile.count as usize].iter().find(|r| r.face as usize == face)?;
-    let slack = Vec3::splat(5e-7 * point.abs().element_sum());
+    let slack = Vec3::splat(1e-3 * plan.gather.radius + 5e-7 * point.abs().element_sum());
     let inside = point.cmpge(Vec3::from(region.low) - slack) & point.cmple(Vec3::from(region.high) + slack);
     inside.all().then_some(region)
 }

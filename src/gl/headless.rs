@@ -6,7 +6,8 @@ use std::rc::Rc;
 use glow::HasContext;
 use khronos_egl as egl;
 
-use super::{Functions, MISSING};
+use super::current::is_software;
+use super::{Current, Functions, MISSING};
 use crate::error::{Error, Result};
 
 type Egl = egl::DynamicInstance<egl::EGL1_5>;
@@ -103,8 +104,7 @@ impl Headless {
         // SAFETY: the context is current.
         let (renderer, version) =
             unsafe { (gl.get_parameter_string(glow::RENDERER), gl.get_parameter_string(glow::VERSION)) };
-        let lower = renderer.to_lowercase();
-        let is_software = ["llvmpipe", "softpipe", "swrast", "software"].iter().any(|name| lower.contains(name));
+        let is_software = is_software(&renderer);
         Ok(Headless {
             egl: Rc::clone(egl),
             display,
@@ -119,6 +119,12 @@ impl Headless {
 }
 
 impl Headless {
+    /// What others need that draw here, as long as this context is the thread's current one.
+    pub fn current(&self) -> Current {
+        let (renderer, version) = (self.renderer.clone(), self.version.clone());
+        Current { gl: self.gl.clone(), renderer, version, is_software: self.is_software }
+    }
+
     /// Makes this context the thread's current one: a thread with several has to say which it means.
     ///
     /// # Errors

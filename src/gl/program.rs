@@ -3,6 +3,7 @@
 use glow::HasContext;
 
 use super::Functions;
+use crate::census::{Counted, Kind};
 use crate::error::{Error, Result};
 use crate::layout::Record;
 use crate::source::{Options, Source, assemble};
@@ -11,6 +12,7 @@ use crate::source::{Options, Source, assemble};
 pub struct Program {
     gl: Functions,
     handle: glow::NativeProgram,
+    _counted: Counted,
 }
 
 impl Program {
@@ -31,7 +33,7 @@ impl Program {
             };
             let out_of_memory = |what| Error::Device(format!("OpenGL: {what}"));
             let handle = gl.create_program().map_err(out_of_memory)?;
-            let program = Program { gl: gl.clone(), handle };
+            let program = Program { gl: gl.clone(), handle, _counted: Counted::new(Kind::OpenGl) };
             for (kind, source) in [(glow::VERTEX_SHADER, &vertex), (glow::FRAGMENT_SHADER, fragment)] {
                 let shader = gl.create_shader(kind).map_err(out_of_memory)?;
                 gl.shader_source(shader, &source.text);

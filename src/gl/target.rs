@@ -3,6 +3,7 @@
 use glow::HasContext;
 
 use super::{Functions, Program};
+use crate::census::{Counted, Kind};
 use crate::error::{Error, Result};
 use crate::pace::Pace;
 
@@ -18,6 +19,7 @@ pub struct Target {
     width: u32,
     height: u32,
     integers: bool,
+    _counted: Counted,
     /// What a row takes.
     pub pace: Pace,
 }
@@ -49,6 +51,7 @@ impl Target {
                 width,
                 height,
                 integers,
+                _counted: Counted::new(Kind::OpenGl),
                 pace: Pace::default(),
             };
             gl.bind_texture(glow::TEXTURE_2D, Some(target.texture));
@@ -103,7 +106,34 @@ impl Target {
     ///
     /// # Errors
     /// [`Error::Device`] when the driver reports an error.
-    pub fn draw_weighted(&self, _active: &Program, weight: Option<f32>) -> Result<()> {
+    pub fn draw_weighted(&self, active: &Program, weight: Option<f32>) -> Result<()> {
+        self.draw_blended(active, weight, glow::ONE, None).map(|_| ())
+    }
+
+    /// Draws like [`Target::draw_weighted`], and asks between two bands whether the rest is wanted; whether all was
+    /// drawn.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when the driver reports an error.
+    pub fn draw_while(&self, active: &Program, weight: Option<f32>, wanted: &dyn Fn() -> bool) -> Result<bool> {
+        self.draw_blended(active, weight, glow::ONE, Some(wanted))
+    }
+
+    /// Draws like [`Target::draw`]; with a weight w, leaves (1 − w) of what is there and adds w of the picture.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when the driver reports an error.
+    pub fn draw_mixed(&self, active: &Program, weight: Option<f32>) -> Result<()> {
+        self.draw_blended(active, weight, glow::ONE_MINUS_CONSTANT_ALPHA, None).map(|_| ())
+    }
+
+    fn draw_blended(
+        &self,
+        _active: &Program,
+        weight: Option<f32>,
+        kept: u32,
+        wanted: Option<&dyn Fn() -> bool>,
+    ) -> Result<bool> {
         let gl = &self.gl;
         // SAFETY: the context is current and a linked program is active (the argument says so).
         unsafe {
@@ -114,7 +144,7 @@ impl Target {
                 Some(weight) => {
                     gl.enable(glow::BLEND);
                     gl.blend_equation(glow::FUNC_ADD);
-                    gl.blend_func(glow::CONSTANT_ALPHA, glow::ONE);
+                    gl.blend_func(glow::CONSTANT_ALPHA, kept);
                     gl.blend_color(0.0, 0.0, 0.0, weight);
                 }
                 None => gl.disable(glow::BLEND),
@@ -131,11 +161,50 @@ impl Target {
                 gl.finish();
                 self.pace.took(rows, begin.elapsed().as_secs_f64() * 1e3);
                 done += rows;
+                if done < all && wanted.is_some_and(|wanted| !wanted()) {
+                    break;
+                }
             }
             gl.disable(glow::SCISSOR_TEST);
             match gl.get_error() {
-                glow::NO_ERROR => Ok(()),
+                glow::NO_ERROR => Ok(done == all),
                 error => Err(Error::Device(format!("OpenGL: drawing: error {error:#06x}"))),
+            }
+        }
+    }
+
+    /// Copies all of this target into one of the same size and waits until it is done.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when the driver reports an error.
+    pub fn copy_to(&self, to: &Target) -> Result<()> {
+        let gl = &self.gl;
+        let (width, height) = (self.width as i32, self.height as i32);
+        // SAFETY: the context is current, and both framebuffers are its own.
+        unsafe {
+            gl.bind_framebuffer(glow::READ_FRAMEBUFFER, Some(self.framebuffer));
+            gl.bind_framebuffer(glow::DRAW_FRAMEBUFFER, Some(to.framebuffer));
+            gl.blit_framebuffer(0, 0, width, height, 0, 0, width, height, glow::COLOR_BUFFER_BIT, glow::NEAREST);
+            gl.finish();
+            match gl.get_error() {
+                glow::NO_ERROR => Ok(()),
+                error => Err(Error::Device(format!("OpenGL: copying: error {error:#06x}"))),
+            }
+        }
+    }
+
+    /// Lets the texture be interpolated where it is shown larger than it is.
+    pub fn smooth(&self) {
+        // SAFETY: the context is current.
+        unsafe {
+            self.gl.bind_texture(glow::TEXTURE_2D, Some(self.texture));
+            for (name, value) in [
+                (glow::TEXTURE_MIN_FILTER, glow::LINEAR),
+                (glow::TEXTURE_MAG_FILTER, glow::LINEAR),
+                (glow::TEXTURE_WRAP_S, glow::CLAMP_TO_EDGE),
+                (glow::TEXTURE_WRAP_T, glow::CLAMP_TO_EDGE),
+            ] {
+                self.gl.tex_parameter_i32(glow::TEXTURE_2D, name, value as i32);
             }
         }
     }
@@ -160,6 +229,11 @@ impl Target {
             );
         }
         pixels
+    }
+
+    /// What is drawn into.
+    pub fn texture(&self) -> super::Texture {
+        self.texture
     }
 
     /// Bytes on the device.

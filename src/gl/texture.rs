@@ -4,6 +4,7 @@ use bytemuck::Pod;
 use glow::{HasContext, PixelUnpackData};
 
 use super::{Functions, PixelBuffer};
+use crate::census::{Counted, Kind};
 use crate::error::{Error, Result};
 use crate::layout::{Record, Shape, TEXEL};
 
@@ -15,6 +16,7 @@ pub struct TableTexture {
     width_log2: u32,
     /// How often it was filled.
     pub uploads: u64,
+    _counted: Counted,
 }
 
 impl TableTexture {
@@ -36,7 +38,14 @@ impl TableTexture {
             ] {
                 gl.tex_parameter_i32(glow::TEXTURE_2D, name, value as i32);
             }
-            Ok(TableTexture { gl: gl.clone(), handle, shape: None, width_log2, uploads: 0 })
+            Ok(TableTexture {
+                gl: gl.clone(),
+                handle,
+                shape: None,
+                width_log2,
+                uploads: 0,
+                _counted: Counted::new(Kind::OpenGl),
+            })
         }
     }
 

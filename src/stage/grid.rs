@@ -53,9 +53,8 @@ pub struct Sorted {
 
 impl Grid {
     fn empty(context: &Context) -> Result<Grid> {
-        let plan = Plan { hashed: false, cells: 0, faces: Vec::new(), gather: Gather::default() };
         Ok(Grid {
-            plan,
+            plan: Plan::default(),
             count: 0,
             gather: Buffer::new(context, 1)?,
             faces: Buffer::new(context, 0)?,
@@ -331,6 +330,18 @@ impl GridStage {
         let (map, free) = self.take_tables()?;
         self.spare = Some(free);
         Some(map)
+    }
+
+    /// Gives back all memory that was there for the last map; what was laid out stays known.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Device`] when not even that can be had.
+    pub fn release(&mut self, context: &Context) -> Result<()> {
+        let plan = std::mem::take(&mut self.grid.plan);
+        self.grid = Grid { plan, count: self.grid.count, ..Grid::empty(context)? };
+        self.order = Buffer::new(context, 0)?;
+        self.spare = None;
+        Ok(())
     }
 
     /// The last map's tables in whatever order, and the memory of one table more.

@@ -37,6 +37,8 @@ pub struct DeviceMap {
     /// In path order; none while the grid has it.
     stored: Option<PhotonMap>,
     packed: Option<Packed>,
+    /// What the last map came from.
+    emission: Option<Emission>,
 }
 
 /// See [`MapStage::Host`].
@@ -106,6 +108,7 @@ impl MapStage {
             tiles: None,
             stored: None,
             packed: None,
+            emission: None,
         })))
     }
 
@@ -147,6 +150,7 @@ impl MapStage {
                 map.context.finish()?;
                 let counts = MapCounts { emitted: stored.emitted.into(), stored: stored.stored as u64 };
                 map.stored = Some(stored);
+                map.emission = Some(*emission);
                 Ok(counts)
             }
             MapStage::Host(map) => {
@@ -180,7 +184,8 @@ impl MapStage {
         }
     }
 
-    /// Puts the map back into path order where a grid has taken it over.
+    /// Puts the map back into path order where a grid has taken it over; one that was given back is emitted again, to
+    /// the same bytes.
     ///
     /// # Errors
     /// [`Error::Device`] from the device.
@@ -189,8 +194,24 @@ impl MapStage {
             && map.stored.is_none()
         {
             map.stored = map.grid.restore(&map.context)?;
+            if let (None, Some(emission)) = (&map.stored, map.emission) {
+                map.stored = Some(map.photons.emit(&emission, None)?);
+            }
         }
         Ok(())
+    }
+
+    /// Gives back the memory of a sorted map of which the trace stage has a copy of its own, where it is `large`.
+    ///
+    /// # Errors
+    /// [`Error::Device`] from the device.
+    pub fn copied(&mut self, large: usize) -> Result<()> {
+        match self {
+            MapStage::Device(map) if map.stored.is_none() && map.context.memory.held() > large => {
+                map.grid.release(&map.context)
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Sorts the map into a grid and waits for it; for methods that read it as it was stored, the grid is only laid

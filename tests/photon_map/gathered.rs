@@ -272,6 +272,27 @@ fn the_fragment_shader_gathers_the_same() {
 }
 
 #[test]
+fn pixel_buffers_fill_textures_as_host_memory_does() {
+    let mut context = device();
+    let headless = Headless::new().expect("an OpenGL driver");
+    let mut stage = GridStage::new(&context).unwrap();
+    // More than a row of a texture, and no whole number of them; then fewer again.
+    for count in [5000, 777] {
+        let map = room_photons(count, 15);
+        for method in [Method::Grid, Method::Brute] {
+            let gathering = Gathering { method, clip: true, ..Gathering::default() };
+            let [host, pixels] = [false, true].map(|is_gpu| {
+                // Devices that are not the CPU take the other way.
+                context.context.device.is_gpu = is_gpu;
+                on_gl(&context, &headless, &mut stage, &map, &Wanted::radius(0.8), gathering)
+            });
+            assert!(host == pixels, "{count} photons, {method:?}");
+            assert!(host.iter().flatten().any(|channel| *channel > 0.0));
+        }
+    }
+}
+
+#[test]
 fn one_photon_more_or_less_would_be_noticed() {
     let map = room_photons(3000, 13);
     let mut fewer = map.clone();

@@ -52,3 +52,26 @@ fn the_account_is_that_of_the_buffers() {
     drop(stage);
     assert_eq!(context.memory.held(), before);
 }
+
+#[test]
+fn opengl_keeps_one_copy_of_a_large_map_and_asks_for_it_again() {
+    drop(device());
+    let machine = Machine { backend: Some(Backend::OpenGl), ..Machine::default() };
+    let Ok(mut pipeline) = Pipeline::open(&machine, |_| {}) else {
+        eprintln!("SKIPPED: OpenGL is missing");
+        return;
+    };
+    let scene = load(format!("{}/scenes/gi_ref.toml", env!("CARGO_MANIFEST_DIR")).as_ref()).unwrap();
+    let mut settings = Settings { width: 32, height: 24, ..Settings::default() };
+    let stored = 900_000;
+    settings.photons.amount = Amount::Stored(stored);
+    settings.gather = Gather { method: Method::Grid, radius: Some(0.05), ..settings.gather };
+    let first = pipeline.render(&scene, &settings).unwrap().image;
+    let (held, photons) = (pipeline.bytes(), stored as usize);
+    assert!(held >= 24 * photons && held < 28 * photons + (16 << 20), "{held} bytes: more than textures and records");
+    // Another radius sorts the same photons, which are emitted again; and back.
+    let wider = Settings { gather: Gather { radius: Some(0.06), ..settings.gather }, ..settings.clone() };
+    let other = pipeline.render(&scene, &wider).unwrap();
+    assert!(other.image != first && other.photons.unwrap().stored == u64::from(stored));
+    assert!(pipeline.render(&scene, &settings).unwrap().image == first);
+}

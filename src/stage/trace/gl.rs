@@ -1,8 +1,9 @@
 //! Trace on OpenGL: a fragment shader on a full-screen quad.
 
 use std::collections::HashMap;
+use std::rc::Rc;
 
-use super::{Permutation, Trace, check_count, out_of_order};
+use super::{Pause, Permutation, Trace, check_count, out_of_order};
 use crate::error::{Error, Result};
 use crate::film::Image;
 use crate::gathering::{Gathering, Method};
@@ -27,6 +28,9 @@ pub struct GlTrace {
     active: Option<Permutation>,
     /// Loop rounds that the driver grants a fragment.
     rounds: Option<u64>,
+    /// Called between bands of rows.
+    pause: Option<Pause>,
+    stopped: bool,
 }
 
 /// llvmpipe ends a shader's loops, all of them together, after 65,535 rounds; some are left for small loops.
@@ -52,6 +56,8 @@ impl GlTrace {
             programs: HashMap::new(),
             active: None,
             rounds: is_software.then_some(LLVMPIPE_ROUNDS),
+            pause: None,
+            stopped: false,
         })
     }
 }
@@ -189,9 +195,11 @@ impl Trace for GlTrace {
                 self.lights.bind(first + 1);
             }
         }
+        let pause = self.pause.clone().unwrap_or_else(|| Rc::new(|| true));
         let samples = frame.samples as u64;
         if draws.samples >= samples && draws.slices == 1 {
-            return target.draw(program);
+            self.stopped = !target.draw_while(program, None, &*pause)?;
+            return Ok(());
         }
         target.clear();
         for first in (0..samples).step_by(draws.samples as usize) {
@@ -200,16 +208,32 @@ impl Trace for GlTrace {
             program.set_records(std::slice::from_ref(&part));
             for slice in 0..draws.slices {
                 self.photons.set_slice(program, slice, draws.slices);
-                target.draw_weighted(program, Some(here as f32 / samples as f32))?;
+                let weight = Some(here as f32 / samples as f32);
+                self.stopped = !target.draw_while(program, weight, &*pause)? || !pause();
+                if self.stopped {
+                    return Ok(());
+                }
             }
         }
         Ok(())
+    }
+
+    fn set_pause(&mut self, pause: Option<Pause>) {
+        self.pause = pause;
+    }
+
+    fn was_stopped(&self) -> bool {
+        self.stopped
     }
 
     fn read(&mut self) -> Result<Image> {
         let Some((width, height, target)) = &self.target else { return Ok(Image::new(0, 0)) };
         let pixels = target.read().iter().map(|[r, g, b, _]| [*r, *g, *b].map(f32::from_bits)).collect();
         Image::from_pixels(*width, *height, pixels)
+    }
+
+    fn texture(&self) -> Option<crate::gl::Texture> {
+        self.target.as_ref().map(|(_, _, target)| target.texture())
     }
 
     fn bytes(&self) -> usize {

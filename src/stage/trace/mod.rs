@@ -32,6 +32,9 @@ impl Permutation {
     }
 }
 
+/// Called between the parts of a picture; false: the rest is not wanted.
+pub type Pause = std::rc::Rc<dyn Fn() -> bool>;
+
 /// The trace stage on one machine.
 pub trait Trace {
     /// Builds what this permutation needs; nothing when it was built before.
@@ -71,6 +74,19 @@ pub trait Trace {
     /// # Errors
     /// [`Error::Device`] when the device fails.
     fn read(&mut self) -> Result<Image>;
+
+    /// Lets pictures be drawn in parts, between which this is called.
+    fn set_pause(&mut self, _pause: Option<Pause>) {}
+
+    /// Whether the last [`Trace::trace`] was stopped by its pause: the film is unfinished.
+    fn was_stopped(&self) -> bool {
+        false
+    }
+
+    /// The film as a texture of the current context, where it is one.
+    fn texture(&self) -> Option<crate::gl::Texture> {
+        None
+    }
 
     /// Bytes held on the device, apart from OpenCL's buffers, which their context counts.
     fn bytes(&self) -> usize;

@@ -1,0 +1,102 @@
+//! `photile view`: the window.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use super::options::{BackendArg, RenderOptions};
+use super::{notice, print_json};
+use crate::error::{Error, Result};
+use crate::settings::Backend;
+use crate::window;
+use crate::window::percentiles::Percentiles;
+use crate::window::replay::{self, Replayed};
+use crate::window::script::Script;
+
+/// Fly through a scene in a window; F1 there lists the keys
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    options: RenderOptions,
+    /// Which machine renders [default: opengl; B changes it]
+    #[arg(long, value_enum)]
+    backend: Option<BackendArg>,
+    /// Milliseconds that a frame may take while things move [default: 33 on a GPU, 100 on software OpenGL]
+    #[arg(long, value_name = "MS", value_parser = clap::value_parser!(u32).range(1..=60_000))]
+    budget: Option<u32>,
+    /// Passes until the picture counts as converged
+    #[arg(long, value_name = "P", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
+    passes: u32,
+    /// Begin without the panel (Tab brings it)
+    #[arg(long)]
+    no_panel: bool,
+    /// Where P writes .png and .exr [default: the scene's name]
+    #[arg(long, value_name = "PATH")]
+    screenshot: Option<PathBuf>,
+    /// Replay a recorded path (TOML), print frame-time percentiles, close
+    #[arg(long, value_name = "FILE")]
+    script: Option<PathBuf>,
+    /// Replay the script without a window
+    #[arg(long, requires = "script")]
+    headless: bool,
+    /// Record the camera's path into a file [K does it too; default: the scene's name, .path.toml]
+    #[arg(long, value_name = "FILE", conflicts_with = "headless")]
+    record: Option<PathBuf>,
+    /// Full quality, however long a frame takes
+    #[arg(long, conflicts_with = "budget")]
+    full_quality: bool,
+    /// Print one JSON object on stdout when the window closes
+    #[arg(long)]
+    json: bool,
+}
+
+pub fn run(args: &Args, started: Instant) -> Result<()> {
+    let scene = args.options.load()?;
+    let settings = args.options.settings(&scene);
+    let screenshot = args.screenshot.clone().unwrap_or_else(|| PathBuf::from(&scene.name));
+    if screenshot.file_name().is_none() {
+        return Err(Error::Usage(format!("found --screenshot {}, expected a file's name", screenshot.display())));
+    }
+    let script = args.script.as_deref().map(Script::load).transpose()?;
+    let machine = args.options.machine(args.backend.map(Backend::from));
+    if let (true, Some(script)) = (args.headless, &script) {
+        let budget = (!args.full_quality).then(|| args.budget.map_or(33.0, f64::from));
+        let replayed = replay::replay(&scene, &settings, &machine, budget, script, notice)?;
+        tell(&replayed);
+        if args.json {
+            print_json(&replayed);
+        }
+        return Ok(());
+    }
+    let options = window::Options {
+        path: args.options.scene.clone(),
+        scene,
+        settings,
+        machine,
+        budget: args.budget.map(f64::from),
+        passes: args.passes,
+        panel: !args.no_panel,
+        screenshot,
+        script,
+        record: args.record.clone(),
+        full_quality: args.full_quality,
+    };
+    let summary = window::run(options, started)?;
+    if let Some(replayed) = &summary.replayed {
+        tell(replayed);
+    }
+    if args.json {
+        print_json(&summary);
+    }
+    Ok(())
+}
+
+/// A replay's figures in words.
+fn tell(replayed: &Replayed) {
+    let Percentiles { frames, p50, p90, p99, max } = replayed.frame_ms;
+    notice(&format!("{frames} frames: median {p50:.1} ms, p90 {p90:.1}, p99 {p99:.1}, longest {max:.1}"));
+    for (level, count) in &replayed.levels {
+        notice(&format!("{count} of them: {level}"));
+    }
+    let [before, after] = replayed.memory_bytes.map(|bytes| bytes as f64 / 1e6);
+    notice(&format!("memory {before:.1} MB after a quarter, {after:.1} MB at the end"));
+}

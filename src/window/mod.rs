@@ -1,0 +1,37 @@
+//! The window: fly through a scene, move lights, change materials, and see global illumination follow.
+//!
+//! ```text
+//! keys, mouse, panel, file ─► State ─► Request ─► Pane: front worker │ back worker ─► Frame ─► present.frag ─► window
+//!                                                      (shows)          (builds)
+//! ```
+//!
+//! The window's thread handles input and paints what is finished; it never renders and never waits. Each *worker* has a
+//! thread and a GL context of its own that shares textures with the window's: it draws the latest [`Request`] within
+//! the frame budget while things move ([`ladder`]), and refines it pass by pass when they rest. What needs programs that
+//! are not built yet goes to a second worker, and comes to the front with its first picture.
+
+pub mod history;
+pub mod keys;
+pub mod ladder;
+pub mod markers;
+pub mod orbit;
+pub mod percentiles;
+pub mod pick;
+pub mod replay;
+pub mod save;
+pub mod script;
+pub mod watch;
+
+mod app;
+mod engine;
+mod hands;
+mod overlay;
+mod pane;
+mod panel;
+mod request;
+mod state;
+mod turn;
+mod worker;
+
+pub use app::{Options, Summary, run};
+pub use request::{Key, Request};

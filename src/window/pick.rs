@@ -1,0 +1,199 @@
+//! Taking hold of lights and spheres in the picture. No window in here, only rays.
+
+use glam::DVec3;
+
+use super::orbit::axes;
+use crate::scene::{Camera, Scene};
+
+/// A light is a point; the hand may miss it by so many heights of the picture.
+const REACH: f64 = 0.025;
+
+/// What can be moved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Thing {
+    /// Index into the scene's lights.
+    Light(usize),
+    /// Index into the scene's spheres.
+    Sphere(usize),
+}
+
+/// A place in the picture, from its top left corner, in units of its width and height.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// 0 left to 1 right.
+    pub x: f64,
+    /// 0 top to 1 bottom.
+    pub y: f64,
+    /// Width over height.
+    pub aspect: f64,
+}
+
+impl Place {
+    /// Unit direction of the camera's ray there.
+    pub fn direction(self, camera: &Camera) -> DVec3 {
+        let [right, up, forward] = axes(camera);
+        let half = (camera.fov_y.to_radians() / 2.0).tan();
+        let across = (2.0 * self.x - 1.0) * half * self.aspect;
+        (forward + right * across + up * ((1.0 - 2.0 * self.y) * half)).normalize()
+    }
+}
+
+/// Where a point appears, in units of width and height, and how far in front; `None` behind the camera.
+pub fn project(camera: &Camera, aspect: f64, point: DVec3) -> Option<(f64, f64, f64)> {
+    let [right, up, forward] = axes(camera);
+    let away = point - camera.position;
+    let depth = away.dot(forward);
+    // Nearer than this, what is at the picture's edge leaves every number's range.
+    if depth <= 1e-9 * away.length() || depth <= 0.0 {
+        return None;
+    }
+    let half = (camera.fov_y.to_radians() / 2.0).tan();
+    let x = away.dot(right) / (depth * half * aspect);
+    let y = away.dot(up) / (depth * half);
+    Some(((x + 1.0) / 2.0, (1.0 - y) / 2.0, depth))
+}
+
+/// Something held by the mouse.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Held {
+    /// What.
+    pub thing: Thing,
+    /// From the point that the hand took to the thing's centre.
+    offset: DVec3,
+    /// The plane that it moves in: through the point taken, facing the camera.
+    depth: f64,
+}
+
+/// The nearest light or sphere at a place. Lights win: they are small, and drawn over all.
+pub fn pick(scene: &Scene, place: Place) -> Option<Held> {
+    let camera = &scene.camera;
+    let [.., forward] = axes(camera);
+    let direction = place.direction(camera);
+    let near_light = |(index, position): (usize, DVec3)| {
+        let (x, y, depth) = project(camera, place.aspect, position)?;
+        let apart = ((x - place.x) * place.aspect).hypot(y - place.y);
+        (apart <= REACH).then_some((apart, index, position, depth))
+    };
+    let lights = scene.lights.iter().map(|light| light.position).enumerate().filter_map(near_light);
+    if let Some((_, index, position, depth)) = lights.min_by(|a, b| a.0.total_cmp(&b.0)) {
+        let taken = camera.position + direction * (depth / direction.dot(forward));
+        return Some(Held { thing: Thing::Light(index), offset: position - taken, depth });
+    }
+    let hit_sphere = |(index, center, radius): (usize, DVec3, f64)| {
+        let away = center - camera.position;
+        let along = away.dot(direction);
+        let half_chord = (radius * radius - (away - direction * along).length_squared()).sqrt(); // NaN: missed
+        [along - half_chord, along + half_chord].into_iter().find(|t| *t > 0.0).map(|t| (t, index, center))
+    };
+    let spheres = scene.spheres.iter().enumerate().map(|(i, s)| (i, s.center, s.radius)).filter_map(hit_sphere);
+    let (t, index, center) = spheres.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    // A plane in front of the sphere hides it.
+    let hidden = scene.planes.iter().any(|plane| {
+        let to_plane = (plane.offset - plane.normal.dot(camera.position)) / plane.normal.dot(direction);
+        to_plane > 0.0 && to_plane < t
+    });
+    if hidden {
+        return None;
+    }
+    let taken = camera.position + direction * t;
+    let depth = (taken - camera.position).dot(forward);
+    Some(Held { thing: Thing::Sphere(index), offset: center - taken, depth })
+}
+
+impl Held {
+    /// Where the thing's centre is when the mouse is at a place.
+    pub fn center(&self, camera: &Camera, place: Place) -> DVec3 {
+        let [.., forward] = axes(camera);
+        let direction = place.direction(camera);
+        camera.position + direction * (self.depth / direction.dot(forward)) + self.offset
+    }
+}
+
+/// Centre and radius of what F looks at: what was held last, else the middle of all spheres and lights.
+pub fn focus_of(scene: &Scene, thing: Option<Thing>) -> (DVec3, f64) {
+    match thing {
+        Some(Thing::Sphere(i)) if i < scene.spheres.len() => (scene.spheres[i].center, scene.spheres[i].radius),
+        Some(Thing::Light(i)) if i < scene.lights.len() => {
+            let distance = (scene.lights[i].position - scene.camera.position).length();
+            (scene.lights[i].position, 0.1 * distance.max(1e-6))
+        }
+        _ => {
+            let points: Vec<(DVec3, f64)> = scene.spheres.iter().map(|s| (s.center, s.radius)).collect();
+            if points.is_empty() {
+                let distance = (scene.camera.look_at - scene.camera.position).length();
+                return (scene.camera.look_at, distance / 4.0);
+            }
+            let center = points.iter().map(|(center, _)| *center).sum::<DVec3>() / points.len() as f64;
+            (center, points.iter().map(|(c, r)| (*c - center).length() + r).fold(0.0, f64::max))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene;
+    use proptest::prelude::*;
+
+    fn room() -> Scene {
+        let text = "[camera]\nposition = [1, 2, 9]\nlook_at = [0, 0.5, 0]\nfov_y = 50\n\
+                    [materials.m]\ncolor = [1, 1, 1]\n\
+                    [[lights]]\nposition = [2, 3, 1]\nintensity = [1, 1, 1]\n\
+                    [[spheres]]\ncenter = [0, 1, -1]\nradius = 1\nmaterial = \"m\"\n\
+                    [[spheres]]\ncenter = [0.3, 1, -4]\nradius = 2\nmaterial = \"m\"\n\
+                    [[planes]]\nnormal = [0, 1, 0]\noffset = -1\nmaterial = \"m\"\n";
+        scene::parse(text, "room.toml").unwrap()
+    }
+
+    fn at(scene: &Scene, point: DVec3) -> Place {
+        let (x, y, _) = project(&scene.camera, 1.5, point).unwrap();
+        Place { x, y, aspect: 1.5 }
+    }
+
+    proptest! {
+        #[test]
+        fn rays_and_projection_are_inverse(x in 0.0..1.0f64, y in 0.0..1.0f64, t in 0.1..100.0f64) {
+            let camera = room().camera;
+            let place = Place { x, y, aspect: 1.5 };
+            let point = camera.position + place.direction(&camera) * t;
+            let (px, py, depth) = project(&camera, 1.5, point).unwrap();
+            prop_assert!((px - x).abs() < 1e-9 && (py - y).abs() < 1e-9 && depth > 0.0);
+        }
+
+        #[test]
+        fn what_is_dragged_stays_in_its_plane_and_under_the_mouse(x in 0.1..0.9f64, y in 0.1..0.9f64) {
+            let scene = room();
+            let from = at(&scene, scene.spheres[0].center);
+            let held = pick(&scene, from).unwrap();
+            prop_assert_eq!(held.thing, Thing::Sphere(0), "the nearer of the two");
+            let [.., forward] = axes(&scene.camera);
+            let place = Place { x, y, aspect: 1.5 };
+            let center = held.center(&scene.camera, place);
+            let depth = |p: DVec3| (p - scene.camera.position).dot(forward);
+            prop_assert!((depth(center) - depth(scene.spheres[0].center)).abs() < 1e-9);
+            let (px, py, _) = project(&scene.camera, 1.5, center - held.offset).unwrap();
+            prop_assert!((px - x).abs() < 1e-9 && (py - y).abs() < 1e-9);
+            // Back where it was taken, the sphere is where it was.
+            prop_assert!((held.center(&scene.camera, from) - scene.spheres[0].center).length() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn lights_are_taken_nearby_and_nothing_where_nothing_is() {
+        let scene = room();
+        let mut place = at(&scene, scene.lights[0].position);
+        place.x += 0.9 * REACH / 1.5;
+        assert_eq!(pick(&scene, place).unwrap().thing, Thing::Light(0));
+        place.x += 0.2 * REACH / 1.5;
+        assert_eq!(pick(&scene, place), None);
+        assert_eq!(project(&scene.camera, 1.5, DVec3::new(2.0, 3.5, 20.0)), None, "behind");
+    }
+
+    #[test]
+    fn planes_hide_spheres() {
+        let mut scene = room();
+        let place = at(&scene, scene.spheres[0].center);
+        scene.planes[0].offset = 1.5; // between camera and sphere
+        assert_eq!(pick(&scene, place), None);
+    }
+}

@@ -1,0 +1,134 @@
+//! A script without a window: the same pictures by the same engine and the same ladder, in a context without a display.
+
+use std::rc::Rc;
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::engine::Engine;
+use super::ladder::{Ladder, Level};
+use super::percentiles::{Percentiles, resident_bytes};
+use super::request::Request;
+use super::script::Script;
+use super::turn::Turn;
+use crate::census::{Kind, alive};
+use crate::error::Result;
+use crate::gl::{Headless, Picture};
+use crate::pipeline::Machine;
+use crate::scene::Scene;
+use crate::settings::{Backend, Method, Settings};
+
+/// What a replay took.
+#[derive(Clone, Debug, Default, serde::Serialize)]
+pub struct Replayed {
+    /// From the request for a picture to the picture, ms.
+    pub frame_ms: Percentiles,
+    /// Milliseconds a frame may take; none: full quality, however long it takes.
+    pub budget_ms: Option<f64>,
+    /// How many pictures were made at which quality, the most frequent first.
+    pub levels: Vec<(String, usize)>,
+    /// Photons of the last picture.
+    pub photons_stored: u64,
+    /// Memory of the process after a quarter of the pictures, and after the last; bytes.
+    pub memory_bytes: [u64; 2],
+    /// GL objects alive at the same moments.
+    pub gl_objects: [i64; 2],
+    /// OpenCL objects alive at the same moments.
+    pub cl_objects: [i64; 2],
+}
+
+/// Counts along a replay.
+#[derive(Clone, Debug, Default)]
+pub struct Counting {
+    times: Vec<f64>,
+    levels: Vec<(String, usize)>,
+    photons: u64,
+    quarter: Option<(u64, [i64; 2])>,
+}
+
+impl Counting {
+    /// A picture that took so long, of `frames` in all.
+    pub fn add(&mut self, ms: f64, level: Level, photons: u64, frames: usize) {
+        self.times.push(ms);
+        self.photons = photons;
+        let name = level.describe();
+        match self.levels.iter_mut().find(|(known, _)| *known == name) {
+            Some((_, count)) => *count += 1,
+            None => self.levels.push((name, 1)),
+        }
+        if self.times.len() * 4 >= frames && self.quarter.is_none() {
+            self.quarter = Some((resident_bytes(), [alive(Kind::OpenGl), alive(Kind::OpenCl)]));
+        }
+    }
+
+    /// Pictures so far.
+    pub fn frames(&self) -> usize {
+        self.times.len()
+    }
+
+    /// The result.
+    pub fn finish(mut self, budget_ms: Option<f64>) -> Replayed {
+        let now = (resident_bytes(), [alive(Kind::OpenGl), alive(Kind::OpenCl)]);
+        let then = self.quarter.unwrap_or(now);
+        self.levels.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+        Replayed {
+            frame_ms: Percentiles::of(&self.times),
+            budget_ms,
+            levels: self.levels,
+            photons_stored: self.photons,
+            memory_bytes: [then.0, now.0],
+            gl_objects: [then.1[0], now.1[0]],
+            cl_objects: [then.1[1], now.1[1]],
+        }
+    }
+}
+
+/// Replays a script. The first picture, which builds programs, is made before the clock runs.
+///
+/// # Errors
+/// [`crate::error::Error::Driver`] without OpenGL; what the backend meets.
+pub fn replay(
+    scene: &Scene,
+    settings: &Settings,
+    machine: &Machine,
+    budget: Option<f64>,
+    script: &Script,
+    notice: impl FnMut(&str) + 'static,
+) -> Result<Replayed> {
+    let headless = Headless::new()?;
+    let turn = Arc::new(Turn::new(false)); // there is one thread
+    let wanted = Rc::new(|| true);
+    let mut engine = Engine::new(headless.current(), machine.clone(), turn, wanted, Box::new(notice))?;
+    let mut settings = settings.clone();
+    if settings.gather.method == Method::Auto {
+        settings.gather.method = Method::Grid; // as in the window
+    }
+    let backend = machine.backend.unwrap_or(Backend::OpenGl);
+    let mut ladder = budget.map(Ladder::new);
+    let mut picture = Picture::empty();
+    let mut counting = Counting::default();
+    let frames = script.frames();
+    let mut warm = false;
+    while counting.frames() < frames {
+        let mut seen = scene.clone();
+        script.apply(counting.frames(), &mut seen);
+        let request = Request { scene: Arc::new(seen), settings: settings.clone(), backend };
+        let level = ladder.as_ref().map_or(Level::FULL, Ladder::level);
+        let start = Instant::now();
+        let Some(made) = engine.pass(&request, level, 0, false)? else { continue };
+        engine.copy_to(&mut picture)?;
+        let ms = start.elapsed().as_secs_f64() * 1e3;
+        if !warm {
+            warm = true;
+            continue;
+        }
+        if let Some(ladder) = &mut ladder {
+            ladder.measured(made.cost());
+        }
+        counting.add(ms, level, made.photons.map_or(0, |photons| photons.stored), frames);
+    }
+    let replayed = counting.finish(budget);
+    drop(picture);
+    engine.close();
+    headless.make_current()?;
+    Ok(replayed)
+}

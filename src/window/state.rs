@@ -1,0 +1,309 @@
+//! What the user has set: scene, camera, settings, what is shown. Keys and panel change it; the app draws it.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use super::keys::Action;
+use super::markers;
+use super::orbit::Controller;
+use super::pick::{self, Thing};
+use super::request::Request;
+use crate::gl::ToneMap;
+use crate::scene::Scene;
+use crate::settings::{Backend, LightMode, Method, Settings};
+
+/// The right picture of two: what differs from the left one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Right {
+    /// Where it is made.
+    pub backend: Backend,
+    /// How its photons are found.
+    pub method: Method,
+}
+
+/// All that the user can change.
+pub struct State {
+    /// The scene file.
+    pub path: PathBuf,
+    /// As the file has it: the last one that could be read.
+    pub saved: Arc<Scene>,
+    /// As it is shown, but for the camera.
+    pub scene: Scene,
+    /// The camera.
+    pub hand: Controller,
+    /// Of the left picture; the size is the pane's.
+    pub settings: Settings,
+    /// As the window began, for what the panel calls changed.
+    pub first_settings: Settings,
+    /// Of the left picture.
+    pub backend: Backend,
+    /// Split view.
+    pub right: Option<Right>,
+    /// Divider, share of the picture's width.
+    pub divider: f64,
+    /// The difference instead of two halves.
+    pub heat: bool,
+    /// Exposure value.
+    pub exposure: f32,
+    /// From radiance to display.
+    pub tone_map: ToneMap,
+    /// Drawn over the picture.
+    pub markers: markers::Wanted,
+    /// No refining.
+    pub paused: bool,
+    /// Passes until converged.
+    pub passes: u32,
+    /// The panel is there.
+    pub panel: bool,
+    /// The help is there.
+    pub help: bool,
+    /// What was held last.
+    pub held: Option<Thing>,
+    /// What is wrong with the scene file, with line and column.
+    pub file_error: Option<String>,
+    /// The last thing to tell.
+    pub notice: Option<String>,
+    /// What cannot be drawn.
+    pub failure: Option<String>,
+}
+
+/// What the app has to do after an action, beyond drawing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Effect {
+    /// Nothing more.
+    None,
+    /// Write the picture.
+    Screenshot,
+    /// Write the scene file.
+    Save,
+    /// Start or end recording.
+    Record,
+    /// End.
+    Quit,
+}
+
+impl State {
+    /// A scene at its own camera.
+    pub fn new(path: PathBuf, scene: Scene, settings: Settings, backend: Backend) -> State {
+        let mut settings = settings;
+        if settings.gather.method == Method::Auto {
+            settings.gather.method = Method::Grid; // choosing anew for every frame would swap programs as one moves
+        }
+        State {
+            path,
+            hand: Controller::new(scene.camera.clone(), size_of(&scene)),
+            saved: Arc::new(scene.clone()),
+            exposure: scene.render.exposure.unwrap_or(0.0) as f32,
+            scene,
+            first_settings: settings.clone(),
+            settings,
+            backend,
+            right: None,
+            divider: 0.5,
+            heat: false,
+            tone_map: ToneMap::default(),
+            markers: markers::Wanted::default(),
+            paused: false,
+            passes: 64,
+            panel: true,
+            help: false,
+            held: None,
+            file_error: None,
+            notice: None,
+            failure: None,
+        }
+    }
+
+    /// What the left picture is, or the right one.
+    pub fn request(&self, right: bool) -> Option<Request> {
+        let mut scene = self.scene.clone();
+        scene.camera = self.hand.camera.clone();
+        let mut request = Request { scene: Arc::new(scene), settings: self.settings.clone(), backend: self.backend };
+        if right {
+            let other = self.right?;
+            request.backend = other.backend;
+            request.settings.gather.method = other.method;
+        }
+        Some(request)
+    }
+
+    /// The file was read again: what the user changed gives way, but the camera stays unless the file moved it.
+    pub fn reload(&mut self, scene: Scene) {
+        if scene.camera != self.saved.camera {
+            self.hand.rehome(scene.camera.clone());
+        }
+        self.saved = Arc::new(scene.clone());
+        self.scene = scene;
+        self.file_error = None;
+    }
+
+    /// Does what a key asks for. `shift` means the right picture.
+    pub fn act(&mut self, action: Action, shift: bool) -> Effect {
+        match action {
+            Action::Gather(method) => match (&mut self.right, shift) {
+                (Some(right), true) => right.method = method,
+                _ => self.settings.gather.method = method,
+            },
+            Action::Backend => match (&mut self.right, shift) {
+                (Some(right), true) => right.backend = next(right.backend, &Backend::ALL),
+                _ => self.backend = next(self.backend, &Backend::ALL),
+            },
+            Action::Light => {
+                let all = [LightMode::Hybrid, LightMode::Photons, LightMode::Direct];
+                self.settings.light = next(self.settings.light, &all);
+            }
+            Action::Pause => self.paused = !self.paused,
+            Action::Split => {
+                self.right = match self.right {
+                    Some(_) => None,
+                    None => Some(self.other()),
+                };
+                self.heat = false;
+            }
+            Action::HeatMap => {
+                self.heat = !self.heat;
+                if self.heat && self.right.is_none() {
+                    self.right = Some(self.other());
+                }
+            }
+            Action::Focus => {
+                let (center, radius) = pick::focus_of(&self.scene_as_seen(), self.held);
+                self.hand.focus(center, radius);
+            }
+            Action::Reset => self.hand.reset(),
+            Action::Markers => self.markers = next_markers(self.markers),
+            Action::Panel => self.panel = !self.panel,
+            Action::Help => self.help = !self.help,
+            Action::Screenshot => return Effect::Screenshot,
+            Action::Save => return Effect::Save,
+            Action::Record => return Effect::Record,
+            Action::Quit => return Effect::Quit,
+        }
+        Effect::None
+    }
+
+    /// The scene with the camera where it is.
+    pub fn scene_as_seen(&self) -> Scene {
+        let mut scene = self.scene.clone();
+        scene.camera = self.hand.camera.clone();
+        scene
+    }
+
+    /// What a split first compares with: another backend, the same method.
+    fn other(&self) -> Right {
+        Right { backend: next(self.backend, &Backend::ALL), method: self.settings.gather.method }
+    }
+
+    /// Whether there is something to save.
+    pub fn is_changed(&self) -> bool {
+        *self.saved != self.to_save()
+    }
+
+    /// The scene as it would be written: the camera where it is, and the settings that differ from the file's.
+    pub fn to_save(&self) -> Scene {
+        let mut scene = self.scene_as_seen();
+        let (now, then) = (&self.settings, &self.first_settings);
+        let render = &mut scene.render;
+        if now.light != then.light {
+            render.light = Some(light_name(now.light).into());
+        }
+        if now.gather.method != then.gather.method {
+            render.gather = Some(now.gather.method.name().into());
+        }
+        if now.gather.radius != then.gather.radius {
+            render.radius = now.gather.radius.map(f64::from);
+        }
+        if let (true, crate::settings::Amount::Paths(paths)) =
+            (now.photons.amount != then.photons.amount, now.photons.amount)
+        {
+            render.photons = Some(paths.into());
+        }
+        if self.exposure != self.saved.render.exposure.unwrap_or(0.0) as f32 {
+            render.exposure = Some(f64::from(self.exposure));
+        }
+        scene
+    }
+}
+
+/// As the scene file and the command line write it.
+pub fn light_name(light: LightMode) -> &'static str {
+    match light {
+        LightMode::Hybrid => "hybrid",
+        LightMode::Photons => "photons",
+        LightMode::Direct => "direct",
+    }
+}
+
+/// The one after `now`, around.
+fn next<T: Copy + PartialEq>(now: T, all: &[T]) -> T {
+    let at = all.iter().position(|one| *one == now).unwrap_or(0);
+    all[(at + 1) % all.len()]
+}
+
+fn next_markers(now: markers::Wanted) -> markers::Wanted {
+    let none = markers::Wanted::default();
+    match (now.photons, now.cells, now.tiles) {
+        (false, false, false) => markers::Wanted { photons: true, ..none },
+        (true, false, false) => markers::Wanted { cells: true, ..none },
+        (false, true, false) => markers::Wanted { tiles: true, ..none },
+        _ => none,
+    }
+}
+
+/// A length that flying speed goes by: how far things are from the camera, metres.
+fn size_of(scene: &Scene) -> f64 {
+    let eye = scene.camera.position;
+    let to_target = (scene.camera.look_at - eye).length();
+    let farthest = scene.spheres.iter().map(|s| (s.center - eye).length() + s.radius);
+    let farthest = farthest.chain(scene.lights.iter().map(|l| (l.position - eye).length())).fold(0.0, f64::max);
+    farthest.max(to_target)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn state() -> State {
+        let text = "[camera]\nposition = [0, 0, 9]\nlook_at = [0, 0, 0]\n";
+        let scene = crate::scene::parse(text, "empty.toml").unwrap();
+        State::new("empty.toml".into(), scene, Settings::default(), Backend::OpenGl)
+    }
+
+    #[test]
+    fn keys_change_the_picture_that_they_mean() {
+        let mut state = state();
+        assert_eq!(state.settings.gather.method, Method::Grid);
+        assert!(state.request(true).is_none());
+        state.act(Action::Split, false);
+        state.act(Action::Gather(Method::Tiles), true);
+        assert_eq!(state.request(true).unwrap().settings.gather.method, Method::Tiles);
+        assert_eq!(state.request(false).unwrap().settings.gather.method, Method::Grid);
+        assert_eq!(state.request(true).unwrap().backend, Backend::OpenCl);
+        for _ in 0..3 {
+            state.act(Action::Backend, false);
+            state.act(Action::Light, false);
+        }
+        assert_eq!((state.backend, state.settings.light), (Backend::OpenGl, LightMode::Hybrid));
+        for _ in 0..4 {
+            state.act(Action::Markers, false);
+        }
+        assert!(state.markers.is_empty());
+        assert_eq!(state.act(Action::Quit, false), Effect::Quit);
+    }
+
+    #[test]
+    fn a_reload_keeps_the_view_unless_the_file_moved_it() {
+        let mut state = state();
+        state.hand.orbit(0.1, 0.0);
+        let view = state.hand.camera.clone();
+        assert!(state.is_changed());
+        let mut scene = (*state.saved).clone();
+        scene.name = "renamed".into();
+        state.reload(scene.clone());
+        assert_eq!(state.hand.camera, view);
+        scene.camera.fov_y = 60.0;
+        state.reload(scene.clone());
+        assert_eq!(state.hand.camera, scene.camera);
+        assert!(!state.is_changed());
+    }
+}
