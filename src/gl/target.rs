@@ -217,7 +217,7 @@ impl Target {
     pub fn smooth(&self) {
         // SAFETY: the context is current.
         unsafe {
-            self.gl.bind_texture(glow::TEXTURE_2D, Some(self.texture));
+            self.gl.bind_texture(glow::TEXTURE_2D, Some(self.textures[0]));
             for (name, value) in [
                 (glow::TEXTURE_MIN_FILTER, glow::LINEAR),
                 (glow::TEXTURE_MAG_FILTER, glow::LINEAR),
@@ -253,7 +253,7 @@ impl Target {
 
     /// What is drawn into.
     pub fn texture(&self) -> super::Texture {
-        self.texture
+        self.textures[0]
     }
 
     /// Bytes on the device.

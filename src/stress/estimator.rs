@@ -266,7 +266,7 @@ fn gathered(bench: &Bench, backend: Backend, case: &Case) -> Result<Vec<[f32; 3]
     let bounds = cpu::grid::grid_bounds(&stored, 2);
     let plan = plan(&packed.objects, &bounds, photons.len(), case.radius, CellSize::Auto, Form::Auto)?;
     let gathering = Gathering { hashed: plan.hashed, ..Gathering::of(&packed.objects, 0, false) };
-    let permutation = Permutation { features: features(), gathering: Some(gathering) };
+    let permutation = Permutation { features: features(), gathering: Some(gathering), final_gather: None };
     let host = |tracer: &mut dyn Trace| -> Result<Vec<[f32; 3]>> {
         let grid = cpu::grid::grid(&stored, &plan);
         let view = MapView::Host { plan: &plan, stored, grid: &grid, tiles: None };
@@ -310,6 +310,6 @@ fn picture(
     tracer.compile(permutation)?;
     tracer.upload(packed)?;
     tracer.upload_map(view, gathering)?;
-    tracer.trace(frame, Some(view))?;
+    tracer.trace(frame, crate::stage::trace::Indirect::Map(view))?;
     Ok(tracer.read()?.pixels)
 }
