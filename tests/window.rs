@@ -58,7 +58,14 @@ impl Display {
             number.push(byte[0]);
         }
         let name = format!(":{}", String::from_utf8(number).unwrap());
-        Some(Display { server, name, directory, _alone: alone })
+        let display = Display { server, name, directory, _alone: alone };
+        // It has a number before it takes connections.
+        let start = Instant::now();
+        while display.xdotool(&["getmouselocation"]).is_empty() {
+            assert!(start.elapsed() < PATIENCE, "Xvfb takes no connections");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        Some(display)
     }
 
     /// Pixels of the screen from its top left corner, three bytes each: an XWD file that the server keeps up to date.
@@ -98,10 +105,13 @@ struct Window<'a> {
 impl<'a> Window<'a> {
     /// Opens a scene of 320 × 240 pixels.
     fn open(display: &'a Display, scene: &Path, args: &[&str]) -> Window<'a> {
+        // Brute force asks every photon at every pixel: a test that shows it takes few.
+        let photons: &[&str] = if args.contains(&"--photons") { &[] } else { &["--photons", "20k"] };
         let program = Command::new(BINARY)
             .arg("view")
             .arg(scene)
-            .args(["--json", "--size", "320x240", "--photons", "20k", "--radius", "0.5", "--no-panel"])
+            .args(["--json", "--size", "320x240", "--radius", "0.5", "--no-panel"])
+            .args(photons)
             .args(args)
             .current_dir(display.directory.path())
             .env("DISPLAY", &display.name)
@@ -285,7 +295,8 @@ fn it_opens_soon_follows_the_hand_and_leaves_nothing_behind() {
 #[test]
 fn every_key_does_what_the_help_says() {
     let Some(display) = Display::open() else { return };
-    let mut window = Window::open(&display, &common::scene_path("gi_ref"), &["--passes", "1", "--screenshot", "shot"]);
+    let args = ["--passes", "1", "--screenshot", "shot", "--photons", "500"];
+    let mut window = Window::open(&display, &common::scene_path("gi_ref"), &args);
     let first = window.converged();
     // What shows at once in the picture, and goes again.
     for key in ["F1", "Tab", "o", "l"] {

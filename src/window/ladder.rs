@@ -74,13 +74,15 @@ pub struct Ladder {
     level: Level,
     roomy: u32,
     roomy_photons: u32,
+    /// Frames that took too long though nothing but gathering is left to drop.
+    slow: u32,
 }
 
 impl Ladder {
     /// Starts low: the first frame shall be there soon, and better ones follow.
     pub fn new(budget: f64) -> Ladder {
         let level = Level { coarse: COARSE.len() - 2, fewer: FEWER.len() - 2, no_gathering: false };
-        Ladder { budget, level, roomy: 0, roomy_photons: 0 }
+        Ladder { budget, level, roomy: 0, roomy_photons: 0, slow: 0 }
     }
 
     /// Of the next frame while things move.
@@ -98,15 +100,23 @@ impl Ladder {
             self.roomy = 0;
             match (self.level.coarse..COARSE.len()).find(|coarse| fits(*coarse, 1.0)) {
                 Some(coarse) => self.level.coarse = coarse,
-                // Gathering is what costs; without it the lowest resolution is not needed.
+                // Gathering is what costs, and fewer photons are gathered sooner.
+                None if self.level.coarse == COARSE.len() - 1 && self.level.fewer < FEWER.len() - 1 => {
+                    self.level.fewer += 1;
+                }
+                // Without gathering the lowest resolution is not needed. A single slow frame is no reason yet.
                 None if self.level.coarse == COARSE.len() - 1 => {
-                    self.level.no_gathering = true;
-                    self.level.coarse = COARSE.len() - 3;
+                    self.slow += 1;
+                    if self.slow >= PATIENCE {
+                        (self.level.no_gathering, self.slow) = (true, 0);
+                        self.level.coarse = COARSE.len() - 3;
+                    }
                 }
                 None => self.level.coarse = COARSE.len() - 1,
             }
             return;
         }
+        self.slow = 0;
         let next = self.level.coarse.saturating_sub(1);
         // Whether gathering is affordable again cannot be told from frames without it: it comes back when things rest.
         if self.level.coarse > 0 && fits(next, ROOM) {
@@ -134,7 +144,9 @@ impl Ladder {
         let next = self.level.fewer.saturating_sub(1);
         let more = f64::from(FEWER[self.level.fewer]) / f64::from(FEWER[next]);
         self.roomy_photons = if took * more <= share * ROOM { self.roomy_photons + 1 } else { 0 };
-        if self.level.fewer > 0 && self.roomy_photons >= PATIENCE {
+        // At the lowest resolution photons are few because gathering them costs.
+        let lowest = self.level.coarse == COARSE.len() - 1;
+        if self.level.fewer > 0 && !lowest && self.roomy_photons >= PATIENCE {
             (self.level.fewer, self.roomy_photons) = (next, 0);
         }
     }
@@ -204,6 +216,20 @@ mod tests {
         }
         ladder.measured(Cost { photons: 0.0, pixels: 10.0 });
         assert_eq!(COARSE[ladder.level().coarse], 1.5);
+    }
+
+    #[test]
+    fn one_slow_frame_does_not_end_gathering_and_photons_go_before_it() {
+        let mut ladder = Ladder::new(100.0);
+        let slow = Cost { photons: 0.0, pixels: 5000.0 };
+        // It starts a rung above the lowest of both.
+        for _ in 0..2 + PATIENCE / 2 {
+            ladder.measured(slow);
+        }
+        assert_eq!((ladder.level().fewer, ladder.level().no_gathering), (FEWER.len() - 1, false));
+        ladder.measured(Cost { photons: 0.0, pixels: 50.0 });
+        ladder.measured(slow);
+        assert!(!ladder.level().no_gathering);
     }
 
     #[test]

@@ -162,7 +162,8 @@ impl Recorder {
 
     /// What is seen `time` seconds after the recording began.
     pub fn see(&mut self, time: f64, scene: &Scene) {
-        if self.keys.last().is_some_and(|last| time - last.time < Self::EVERY) {
+        // 1e-9: a key that is due must not wait for the next picture because of rounding.
+        if self.keys.last().is_some_and(|last| time - last.time < Self::EVERY - 1e-9) {
             return;
         }
         let camera = &scene.camera;

@@ -217,6 +217,10 @@ struct Doing {
     /// A picture of half the resolution and all photons was there.
     halved: bool,
     failed: bool,
+    /// What is in the mean.
+    made: Option<Made>,
+    /// The picture is right, but what is drawn over it is not.
+    remark: bool,
 }
 
 /// Half the resolution, all photons.
@@ -243,7 +247,7 @@ struct Thread<'a> {
 impl Thread<'_> {
     fn run(&mut self) {
         loop {
-            let idle = self.doing.as_ref().is_none_or(|doing| doing.is_done() || doing.job.moving);
+            let idle = self.doing.as_ref().is_none_or(|doing| (doing.is_done() || doing.job.moving) && !doing.remark);
             let (job, save) = {
                 let mut inbox = lock(&self.shared.inbox);
                 while idle && inbox.job.is_none() && inbox.save.is_none() && !inbox.quit {
@@ -277,15 +281,21 @@ impl Thread<'_> {
         };
         let same = self.doing.as_ref().is_some_and(|doing| doing.job.request == job.request && !doing.failed);
         let failed = self.doing.as_ref().is_some_and(|doing| doing.job.request == job.request && doing.failed);
-        let shown_markers = self.doing.as_ref().and_then(|doing| doing.job.markers);
-        let redo = same && shown_markers != job.markers;
+        let other_markers = self.doing.as_ref().is_some_and(|doing| doing.job.markers != job.markers);
+        let made = self.doing.take().and_then(|doing| doing.made).filter(|_| same);
         let key = job.request.key();
-        self.doing = Some(Doing { job, key, passes: if redo { None } else { passes }, halved: redo, failed });
+        self.doing =
+            Some(Doing { job, key, passes, halved: false, failed, remark: made.is_some() && other_markers, made });
     }
 
     /// One pass of what is being done.
     fn step(&mut self) {
         let Some(doing) = &mut self.doing else { return };
+        if std::mem::take(&mut doing.remark)
+            && let Some(made) = doing.made.clone()
+        {
+            return self.publish(made);
+        }
         if doing.is_done() || doing.job.moving && doing.passes.is_some() {
             return;
         }
@@ -322,6 +332,13 @@ impl Thread<'_> {
             Level::FULL => doing.passes = Some(pass + 1),
             level => doing.halved |= level == HALF,
         }
+        doing.made = Some(made.clone());
+        self.publish(made);
+    }
+
+    /// Hands the mean to the window, with what is drawn over it.
+    fn publish(&mut self, made: Made) {
+        let Some(doing) = &self.doing else { return };
         let request = doing.job.request.clone();
         let markers = match (&doing.job.markers, self.engine.pipeline()) {
             (Some(wanted), Some(pipeline)) => {
@@ -331,10 +348,6 @@ impl Thread<'_> {
             _ => None,
         };
         let (key, converged) = (doing.key.clone(), doing.is_done());
-        self.publish(request, key, made, converged, markers);
-    }
-
-    fn publish(&mut self, request: Request, key: Key, made: Made, converged: bool, markers: Option<Arc<Markers>>) {
         let slot = {
             let mut outbox = lock(&self.shared.outbox);
             // A frame that the window has not picked up is replaced.
