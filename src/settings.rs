@@ -164,7 +164,7 @@ impl FinalGather {
 impl Default for FinalGather {
     /// Measured on the report's scenes: see the README.
     fn default() -> Self {
-        FinalGather { rays: 64, spacing: 4, texels: 24_576, first_ray: 0 }
+        FinalGather { rays: 32, spacing: 4, texels: 24_576, first_ray: 0 }
     }
 }
 
