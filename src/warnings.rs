@@ -64,7 +64,7 @@ mod tests {
 
     fn scene(sphere: &str, light: &str) -> Scene {
         let text = format!(
-            "[camera]\nposition = [0, 0, 5]\nlook_at = [0, 0, 0]\n[materials.m]\n[[lights]]\nposition = [0, 3, 0]\n\
+            "[camera]\nposition = [0, 0, 5]\nlook_at = [0, 0, 0]\n[materials.m]\ncolor = [1, 1, 1]\n[[lights]]\nposition = [0, 3, 0]\n\
              intensity = {light}\n[[spheres]]\n{sphere}\nmaterial = \"m\"\n"
         );
         parse(&text, "x.toml").unwrap_or_else(|error| panic!("{error}"))
