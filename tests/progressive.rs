@@ -2,7 +2,8 @@
 
 mod common;
 
-use std::process::Command;
+use std::io::{BufRead as _, BufReader, Read as _};
+use std::process::{Command, Stdio};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use common::{backends, golden, scene_path, shipped};
@@ -184,6 +185,41 @@ fn limits_stop_a_render_and_its_exr_tells_the_error() {
     let errors: Vec<&str> = exr.channels.iter().map(|channel| channel.name.as_str()).collect();
     assert_eq!(errors, ["stderr.B", "stderr.G", "stderr.R"]);
     assert!(exr.channels.iter().all(|channel| channel.samples.iter().any(|error| *error > 0.0)));
+}
+
+/// Ctrl-C keeps picture and sums, says how to go on and fails; going on gives the bytes of a render that nobody stopped.
+#[cfg(unix)]
+#[test]
+fn an_interrupted_render_is_saved_and_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let photile = |output: &str, limit: [&str; 2], further: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_photile"));
+        command
+            .args(["render", "--size", "64x48", "--backend", "cpu", "--json", "-o", output])
+            .args(limit)
+            .args(further);
+        command.arg(scene_path("gi_ref")).current_dir(&folder).stdout(Stdio::piped()).stderr(Stdio::piped());
+        command
+    };
+    let mut running = photile("part.exr", ["--time", "600"], &["--checkpoint", "sums"]).spawn().unwrap();
+    let mut stderr = BufReader::new(running.stderr.take().unwrap());
+    let mut said = String::new();
+    while !said.contains("Ctrl-C") {
+        assert!(stderr.read_line(&mut said).unwrap() > 0, "ended before it was stopped: {said}");
+    }
+    // The shell's own kill: the program of that name is no part of a minimal system.
+    let kill = Command::new("sh").args(["-c", &format!("kill -INT {}", running.id())]).status().unwrap();
+    assert!(kill.success());
+    stderr.read_to_string(&mut said).unwrap();
+    assert_eq!(running.wait().unwrap().code(), Some(1), "{said}");
+    assert!(said.contains("go on with --checkpoint sums"), "{said}");
+    assert!(Image::load(&folder.path().join("part.exr")).is_ok());
+    let passes = Accumulator::load(&folder.path().join("sums")).unwrap().passes() + 3;
+    let wanted = passes.to_string();
+    assert!(photile("part.exr", ["--passes", &wanted], &["--checkpoint", "sums"]).status().unwrap().success());
+    assert!(photile("whole.exr", ["--passes", &wanted], &[]).status().unwrap().success());
+    let bytes = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
+    assert!(bytes("part.exr") == bytes("whole.exr"));
 }
 
 #[test]

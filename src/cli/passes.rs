@@ -166,6 +166,7 @@ pub fn run(pipeline: &mut Pipeline, scene: &Scene, settings: &Settings, options:
         _ => None,
     });
     let mut watch = Watch::new(options, target);
+    notice("rendering in passes; Ctrl-C saves what is done");
     let (mut times, mut last) = (Times::default(), None);
     times.compile += progressive.warm_up(pipeline, scene)?.times.total;
     while last.is_none() || !watch.is_done(&mut progressive) {
