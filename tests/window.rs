@@ -293,7 +293,6 @@ fn it_opens_soon_follows_the_hand_and_leaves_nothing_behind() {
 }
 
 #[test]
-#[ignore = "fails: back on OpenGL after OpenCL and the CPU (B three times), the picture does not converge"]
 fn every_key_does_what_the_help_says() {
     let Some(display) = Display::open() else { return };
     let args = ["--passes", "1", "--screenshot", "shot", "--photons", "500"];

@@ -219,8 +219,8 @@ struct Doing {
     failed: bool,
     /// What is in the mean.
     made: Option<Made>,
-    /// The picture is right, but what is drawn over it is not.
-    remark: bool,
+    /// The picture is right, but it has to be shown once more.
+    again: bool,
 }
 
 /// Half the resolution, all photons.
@@ -247,7 +247,7 @@ struct Thread<'a> {
 impl Thread<'_> {
     fn run(&mut self) {
         loop {
-            let idle = self.doing.as_ref().is_none_or(|doing| (doing.is_done() || doing.job.moving) && !doing.remark);
+            let idle = self.doing.as_ref().is_none_or(|doing| (doing.is_done() || doing.job.moving) && !doing.again);
             let (job, save) = {
                 let mut inbox = lock(&self.shared.inbox);
                 while idle && inbox.job.is_none() && inbox.save.is_none() && !inbox.quit {
@@ -275,23 +275,19 @@ impl Thread<'_> {
 
     /// Takes a job over; one that asks for the same picture goes on where the last one was.
     fn begin(&mut self, job: Job) {
-        let passes = match &self.doing {
-            Some(doing) if doing.job.request == job.request && !doing.failed => doing.passes,
-            _ => None,
-        };
-        let same = self.doing.as_ref().is_some_and(|doing| doing.job.request == job.request && !doing.failed);
-        let failed = self.doing.as_ref().is_some_and(|doing| doing.job.request == job.request && doing.failed);
-        let other_markers = self.doing.as_ref().is_some_and(|doing| doing.job.markers != job.markers);
-        let made = self.doing.take().and_then(|doing| doing.made).filter(|_| same);
+        let last = self.doing.take().filter(|doing| doing.job.request == job.request);
+        let failed = last.as_ref().is_some_and(|doing| doing.failed);
+        let (passes, made) = last.filter(|_| !failed).map_or((None, None), |doing| (doing.passes, doing.made));
         let key = job.request.key();
-        self.doing =
-            Some(Doing { job, key, passes, halved: false, failed, remark: made.is_some() && other_markers, made });
+        // What is there already is shown anew: other markers may be wanted over it, and a worker that comes back to the
+        // front has no other picture to come with.
+        self.doing = Some(Doing { job, key, passes, halved: false, failed, again: made.is_some(), made });
     }
 
     /// One pass of what is being done.
     fn step(&mut self) {
         let Some(doing) = &mut self.doing else { return };
-        if std::mem::take(&mut doing.remark)
+        if std::mem::take(&mut doing.again)
             && let Some(made) = doing.made.clone()
         {
             return self.publish(made);
