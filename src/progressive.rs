@@ -13,7 +13,7 @@ use glam::DVec3;
 use crate::cpu::random::hash2_u;
 use crate::error::{Error, Result};
 use crate::features::Features;
-use crate::film::{Accumulator, Image, REPLICATES, STUDENT_90, fnv1a};
+use crate::film::{Accumulator, Channel, Image, REPLICATES, STUDENT_90, fnv1a};
 use crate::layout::MAX_EXACT_INDEX;
 use crate::pipeline::{Pipeline, Rendering};
 use crate::scene::Scene;
@@ -101,8 +101,11 @@ impl Progressive {
         self.sums.passes()
     }
 
-    /// The settings of the next pass.
-    fn next_settings(&mut self) -> Result<Settings> {
+    /// The settings of the next pass, for those who draw it themselves and then [`Progressive::add`] it.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] after 2²⁴ samples a pixel.
+    pub fn next_settings(&mut self) -> Result<Settings> {
         let index = self.sums.passes();
         let (replicate, turn) = (index % REPLICATES as u64, index / REPLICATES as u64);
         let mut settings = Settings { jittered: true, ..self.settings.clone() };
@@ -166,10 +169,16 @@ impl Progressive {
     /// # Errors
     /// As [`Pipeline::render`]; [`Error::Usage`] after 2²⁴ samples a pixel.
     pub fn step(&mut self, pipeline: &mut Pipeline, scene: &Scene) -> Result<Rendering> {
-        let index = self.sums.passes();
         let settings = self.next_settings()?;
         let rendering = pipeline.render(scene, &settings)?;
+        self.add(&rendering);
+        Ok(rendering)
+    }
+
+    /// Takes in the pass that [`Progressive::next_settings`] asked for, image included.
+    pub fn add(&mut self, rendering: &Rendering) {
         if let Some(radius) = rendering.radius {
+            let index = self.sums.passes();
             let scale = radius_factor(index).powi(2);
             let extras = self.extras();
             if index == 0 {
@@ -182,7 +191,6 @@ impl Progressive {
             }
         }
         self.sums.add(rendering.image.pixels.iter().flatten().map(|value| f64::from(*value)));
-        Ok(rendering)
     }
 
     /// The mean of the passes.
@@ -258,6 +266,78 @@ fn box_blur(image: &[DVec3], width: usize, height: usize, reach: usize) -> Vec<D
 pub fn bound_90(estimate: &Estimate, pixel: usize, channel: usize) -> f32 {
     let bias = estimate.bias.get(pixel).map_or(0.0, |bias| bias[channel].abs());
     STUDENT_90 as f32 * estimate.standard_error[pixel][channel] + bias
+}
+
+/// The planes of an estimate that go into an EXR beside the mean.
+pub fn channels(estimate: &Estimate) -> Vec<Channel> {
+    let planes = [("stderr", &estimate.standard_error), ("bias", &estimate.bias)];
+    let named = planes.into_iter().filter(|(_, values)| !values.is_empty()).flat_map(|(name, values)| {
+        ["R", "G", "B"].into_iter().enumerate().map(move |(index, channel)| Channel {
+            name: format!("{name}.{channel}"),
+            samples: values.iter().map(|value| value[index]).collect(),
+        })
+    });
+    named.collect()
+}
+
+/// A technique by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// [`Technique::Map`].
+    Map,
+    /// [`Technique::FinalGather`].
+    FinalGather,
+}
+
+/// What the user asked for of what decides the technique; the rest is left open.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Wish {
+    /// The technique itself.
+    pub kind: Option<Kind>,
+    /// Rays of a site of final gathering in one pass.
+    pub rays: Option<u32>,
+    /// Pixels from site to site of final gathering.
+    pub spacing: Option<u32>,
+    /// A gather method, radius, kernel, grid or tiles: who asks for one of them asks for density estimates.
+    pub estimates: bool,
+    /// A number of photons.
+    pub photons: bool,
+}
+
+impl Wish {
+    /// Settles the technique of passes, and what it changes about the photons.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for wishes that contradict each other or the scene.
+    pub fn settle(&self, scene: &Scene, settings: &mut Settings) -> Result<()> {
+        let suitable = default_technique(scene, settings);
+        settings.technique = match (self.kind, suitable) {
+            (Some(Kind::FinalGather), Technique::Map) => {
+                return Err(Error::Usage(
+                    "--technique final-gather: wants --light hybrid, --photons rather than --stored, and no glossy \
+                     surface, whose view of the texels has no direction"
+                        .into(),
+                ));
+            }
+            (Some(Kind::Map), _) => Technique::Map,
+            (None, _) if self.estimates => Technique::Map,
+            _ => suitable,
+        };
+        match &mut settings.technique {
+            Technique::FinalGather(gather) => {
+                gather.rays = self.rays.unwrap_or(gather.rays);
+                gather.spacing = self.spacing.unwrap_or(gather.spacing);
+                if !self.photons {
+                    settings.photons.amount = Amount::Paths(FinalGather::PHOTONS);
+                }
+                Ok(())
+            }
+            Technique::Map if self.rays.is_some() || self.spacing.is_some() => {
+                Err(Error::Usage("--rays and --spacing belong to --technique final-gather".into()))
+            }
+            Technique::Map => Ok(()),
+        }
+    }
 }
 
 /// What suits a scene where the settings leave it open: final gathering wherever it is right.

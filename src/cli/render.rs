@@ -11,6 +11,7 @@ use crate::change::Stage;
 use crate::error::{Error, Result};
 use crate::film::{SaveOptions, check_output};
 use crate::pipeline::{Devices, Pipeline, Times};
+use crate::progressive;
 use crate::settings::{Backend, LightMode, Method, Technique};
 use crate::stage::map::MapCounts;
 
@@ -104,7 +105,7 @@ pub fn run(args: &Args) -> Result<()> {
         note("passes", picture.passes.to_string()),
         note("seed", settings.seed.to_string()),
     ];
-    let channels = picture.estimate.as_ref().map(passes::channels).unwrap_or_default();
+    let channels = picture.estimate.as_ref().map(progressive::channels).unwrap_or_default();
     picture.image.save(&output, &SaveOptions { exposure, settings: &provenance, channels: &channels })?;
 
     let times = picture.times;
