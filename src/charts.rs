@@ -262,8 +262,7 @@ fn plane_texels(domain: &Domain, object: usize, axes: &Axes, chart: &Chart) -> V
             let area = across * down;
             let area = if area.is_finite() { area * reached(domain, object, point) } else { 0.0 };
             let (place, size) = ((column, row), (columns, rows));
-            let half_width =
-                window::half_width(domain.packed, object, point(0.5, 0.5), across.max(down), place, size);
+            let half_width = window::half_width(domain.packed, object, point(0.5, 0.5), across.max(down), place, size);
             texels.push(PlacedTexel { area, window: Window { half_width, stride: columns } });
         }
     }

@@ -57,8 +57,10 @@ pub fn irradiance(scene: &SceneTables, plan: &Plan, charts: &Charts, emission: &
     });
     let texel = |(i, (inverse_area, window)): (usize, (&f32, &Window))| {
         let scale = inverse_area * quanta.watts;
-        let quanta = |channel: usize| window.texels(i).map(|i| sums[3 * i + channel].load(Ordering::Relaxed)).sum::<u32>();
-        let irradiance = if *inverse_area > 0.0 { [0, 1, 2].map(|channel| quanta(channel) as f32 * scale) } else { [0.0; 3] };
+        let quanta =
+            |channel: usize| window.texels(i).map(|i| sums[3 * i + channel].load(Ordering::Relaxed)).sum::<u32>();
+        let irradiance =
+            if *inverse_area > 0.0 { [0, 1, 2].map(|channel| quanta(channel) as f32 * scale) } else { [0.0; 3] };
         Texel { irradiance }
     };
     charts.inverse_areas.par_iter().zip(&charts.windows).enumerate().map(texel).collect()
