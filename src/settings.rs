@@ -182,8 +182,6 @@ pub struct Settings {
     pub jittered: bool,
     /// Keys every random number.
     pub seed: u32,
-    /// Keys the subpixel positions instead, where several seeds share one sequence of these.
-    pub pixel_seed: Option<u32>,
     /// Who carries direct light.
     pub light: LightMode,
     /// How many photons.
@@ -242,7 +240,6 @@ impl Default for Settings {
             first_sample: 0,
             jittered: false,
             seed: 0,
-            pixel_seed: None,
             light: LightMode::default(),
             photons: Photons { amount: Amount::Paths(200_000), pass: 0, sampler: Sampler::default() },
             gather: Gather {

@@ -58,9 +58,9 @@ impl Wish {
             (None, _) if self.estimates => Technique::Map,
             _ => suitable,
         };
+        let usual = Usual::of(scene, settings, self.on_gpu);
         match &mut settings.technique {
             Technique::FinalGather(gather) => {
-                let usual = Usual::of(scene, self.on_gpu);
                 gather.rays = self.rays.unwrap_or(usual.gather.rays);
                 gather.own_rays = self.own_rays.unwrap_or(usual.gather.own_rays);
                 gather.points = self.points.unwrap_or(usual.gather.points);
@@ -102,25 +102,21 @@ pub struct Usual {
 
 impl Usual {
     /// Measured on the report's scenes, see the README. Where light leaves the scene, little comes from a second bounce;
-    /// on a GPU a pass costs as much in launches as all the rays of a CPU's pass.
-    pub fn of(scene: &Scene, on_gpu: bool) -> Usual {
+    /// on a GPU a pass costs as much in launches as all the rays of a CPU's pass. Paths go with the pixels: then
+    /// emission stays the same share of a pass.
+    pub fn of(scene: &Scene, settings: &Settings, on_gpu: bool) -> Usual {
         let gather = FinalGather::default();
-        match (is_closed(scene), on_gpu) {
-            (true, false) => Usual { gather, paths: 65_536, samples: 2 },
-            (false, false) => {
-                Usual { gather: FinalGather { rays: 16, own_rays: 8, points: 16, ..gather }, paths: 16_384, samples: 2 }
-            }
-            (true, true) => Usual {
-                gather: FinalGather { rays: 256, own_rays: 32, points: 256, ..gather },
-                paths: 524_288,
-                samples: 4,
-            },
-            (false, true) => Usual {
-                gather: FinalGather { rays: 64, own_rays: 16, points: 64, ..gather },
-                paths: 131_072,
-                samples: 4,
-            },
-        }
+        let rays = |rays, own_rays, points| FinalGather { rays, own_rays, points, ..gather };
+        let (gather, paths, samples) = match (is_closed(scene), on_gpu) {
+            (true, false) => (gather, 65_536, 2),
+            (false, false) => (rays(16, 8, 16), 16_384, 2),
+            (true, true) => (rays(256, 32, 256), 524_288, 4),
+            (false, true) => (rays(64, 16, 64), 131_072, 4),
+        };
+        // Of the 320 × 240 pixels that this was measured with.
+        let share = f64::from(settings.width) * f64::from(settings.height) / 76_800.0;
+        let paths = (f64::from(paths) * share).clamp(4096.0, 2_097_152.0) as u32;
+        Usual { gather, paths, samples }
     }
 }
 

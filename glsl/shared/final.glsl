@@ -151,11 +151,6 @@ INLINE Blend blend_site(SCENE_PARAMS Blend sum, Int column, Int row, Real weight
 }
 #endif
 
-// What a sample gathers for itself. Replicates share pixels' keys, but not their rays.
-INLINE Vec3 own_irradiance(SCENE_PARAMS Surface surface, Bool wanted, Uint key) {
-    return final_gather(SCENE surface, wanted, hash2_u(key, lanes_u(LATTICE_KEY)), count_of(lattice_own_rays()));
-}
-
 // Indirect irradiance at a visible point, seen through (x, y) of the image plane.
 INLINE Vec3 indirect_irradiance(SCENE_PARAMS Surface surface, Bool wanted, Real x, Real y, Uint key) {
 #ifdef HAS_SITES
@@ -175,10 +170,10 @@ INLINE Vec3 indirect_irradiance(SCENE_PARAMS Surface surface, Bool wanted, Real 
     sum = blend_site(SCENE sum, column + 1, row + 1, u * v, surface, inverse_clearance);
     Bool alone = wanted && sum.weight < LEAST_WEIGHT;
     Vec3 irradiance = scale3(sum.irradiance, 1.0f / max(sum.weight, lanes(LEAST_WEIGHT)));
-    if (any_lane(alone)) irradiance = pick3(alone, own_irradiance(SCENE surface, alone, key), irradiance);
+    if (any_lane(alone)) irradiance = pick3(alone, final_gather(SCENE surface, alone, key, count_of(lattice_own_rays())), irradiance);
     return irradiance;
 #else
-    return own_irradiance(SCENE surface, wanted, key);
+    return final_gather(SCENE surface, wanted, key, count_of(lattice_own_rays()));
 #endif
 }
 #endif

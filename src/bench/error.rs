@@ -78,7 +78,8 @@ pub fn run(options: &Options, machine: &MachineInfo, progress: &mut dyn FnMut(Pr
         Some(path) if path.exists() => saved::rows(&path, &plan, machine)?,
         _ => Vec::new(),
     };
-    let curves: usize = options.scenes.iter().map(|scene| settings(scene, &plan, false).len()).sum();
+    let pairs = || options.scenes.iter().zip(&references);
+    let curves: usize = pairs().map(|(scene, reference)| settings(scene, reference, &plan, false).len()).sum();
     let mut steps = Steps::new(progress, curves * options.backends.len());
     if !rows.is_empty() {
         steps.notice(&format!("{} rows are measured already and kept", rows.len()));
@@ -92,8 +93,8 @@ pub fn run(options: &Options, machine: &MachineInfo, progress: &mut dyn FnMut(Pr
                 continue;
             }
         };
-        for (scene, reference) in options.scenes.iter().zip(&references) {
-            for setting in settings(scene, &plan, pipeline.is_on_gpu()) {
+        for (scene, reference) in pairs() {
+            for setting in settings(scene, reference, &plan, pipeline.is_on_gpu()) {
                 if options.stop.load(Ordering::Relaxed) {
                     break 'all;
                 }
@@ -122,10 +123,11 @@ pub fn run(options: &Options, machine: &MachineInfo, progress: &mut dyn FnMut(Pr
 }
 
 /// What is compared in a scene.
-fn settings(scene: &Scene, plan: &Plan, on_gpu: bool) -> Vec<Setting> {
+fn settings(scene: &Scene, reference: &Image, plan: &Plan, on_gpu: bool) -> Vec<Setting> {
     let mut list = Vec::new();
-    if let Technique::FinalGather(_) = default_technique(scene, &Settings::default()) {
-        let Usual { gather: usual, paths, samples } = Usual::of(scene, on_gpu);
+    let size = Settings { width: reference.width, height: reference.height, ..Settings::default() };
+    if let Technique::FinalGather(_) = default_technique(scene, &size) {
+        let Usual { gather: usual, paths, samples } = Usual::of(scene, &size, on_gpu);
         let gather = |name: &str, gather: FinalGather, paths: u32, samples: u32| Setting {
             name: name.into(),
             technique: Technique::FinalGather(gather),

@@ -116,7 +116,7 @@ pub fn indirect_irradiance(
     key: u32,
 ) -> Vec3 {
     let lattice = gatherer.lattice;
-    let own = || final_gather(scene, gatherer, surface, hash2_u(key, key_of(lattice)), lattice.own_rays as u32);
+    let own = || final_gather(scene, gatherer, surface, key, lattice.own_rays as u32);
     let Some((sites, surfaces)) = gatherer.sites else { return own() };
     let u = (x - lattice.offset_x) / lattice.spacing + 1.0;
     let v = (y - lattice.offset_y) / lattice.spacing + 1.0;
