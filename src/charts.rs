@@ -42,6 +42,8 @@ struct HalfSpace {
 struct Domain<'a> {
     packed: &'a Packed,
     half_spaces: Vec<HalfSpace>,
+    /// See [`window::WIDEST`].
+    widest: u32,
 }
 
 fn vector(v: [f32; 3]) -> DVec3 {
@@ -62,7 +64,7 @@ impl<'a> Domain<'a> {
                 half_spaces.push(HalfSpace { normal: -normal, offset: -offset, object });
             }
         }
-        Domain { packed, half_spaces }
+        Domain { packed, half_spaces, widest: window::WIDEST }
     }
 
     /// Whether light can come to the side of an object that its own normal points to, or to the other one.
@@ -135,7 +137,12 @@ fn unbend(x: f64) -> f64 {
 impl Charts {
     /// The charts of a packed scene, with about `budget` texels on one side each of all objects.
     pub fn new(packed: &Packed, budget: u32) -> Charts {
-        let domain = Domain::new(packed);
+        Charts::with_windows(packed, budget, window::WIDEST)
+    }
+
+    /// The same with windows of at most `widest` texels on each side.
+    fn with_windows(packed: &Packed, budget: u32, widest: u32) -> Charts {
+        let domain = Domain { widest, ..Domain::new(packed) };
         let mut charts = Vec::new();
         for (object, record) in packed.objects.iter().enumerate() {
             let extent = f64::from(record.extent);
@@ -278,7 +285,8 @@ fn plane_texels(domain: &Domain, object: usize, axes: &Axes, chart: &Chart) -> V
             let area = if area.is_finite() { area * reached(domain, object, point) } else { 0.0 };
             let (place, size) = ((column, row), (columns, rows));
             let half_width = window::half_width(domain.packed, object, point(0.5, 0.5), across.max(down), place, size);
-            texels.push(PlacedTexel { area, window: Window { half_width, stride: columns } });
+            let window = Window { half_width: half_width.min(domain.widest), stride: columns };
+            texels.push(PlacedTexel { area, window });
         }
     }
     texels
@@ -307,7 +315,7 @@ fn sphere_texels(domain: &Domain, object: usize, columns: u32) -> Vec<PlacedTexe
             let whole = solid_angle * radius * radius;
             let (place, size, length) = ((column, row), (columns, columns), whole.sqrt());
             let half_width = window::half_width(domain.packed, object, point(0.5, 0.5), length, place, size);
-            let window = Window { half_width, stride: columns };
+            let window = Window { half_width: half_width.min(domain.widest), stride: columns };
             texels.push(PlacedTexel { area: whole * reached(domain, object, point), window });
         }
     }
@@ -365,33 +373,37 @@ mod tests {
         (packed, charts)
     }
 
-    /// Area of one side of an object, m².
-    fn area(charts: &Charts, object: usize) -> f64 {
+    /// Area of the lit side of an object, m², where every texel counts for itself.
+    fn area(packed: &Packed, object: usize) -> f64 {
+        let charts = Charts::with_windows(packed, 24_576, 0);
         let chart = &charts.records[object];
         let count = (chart.columns * chart.rows) as usize;
-        let texels = &charts.inverse_areas[chart.first as usize..][..count];
-        texels.iter().filter(|inverse| **inverse > 0.0).map(|inverse| 1.0 / f64::from(*inverse)).sum()
+        let side = |side: usize| {
+            let texels = &charts.inverse_areas[chart.first as usize + side * count..][..count];
+            texels.iter().filter(|inverse| **inverse > 0.0).map(|inverse| 1.0 / f64::from(*inverse)).sum::<f64>()
+        };
+        side(0).max(side(1))
     }
 
     #[test]
     fn a_room_has_the_area_of_its_walls() {
-        let (packed, charts) = charts("gi_ref");
+        let (packed, _) = charts("gi_ref");
         // Two spheres of radius 1 that touch nothing; floor and ceiling 7 × 14.5, back and front 7 × 6.5, sides 14.5 × 6.5.
         let expected = [12.566, 12.566, 101.5, 101.5, 45.5, 45.5, 94.25, 94.25];
         assert_eq!(packed.objects.len(), expected.len());
         for (object, expected) in expected.into_iter().enumerate() {
-            let found = area(&charts, object);
+            let found = area(&packed, object);
             assert!((found / expected - 1.0).abs() < 2e-3, "object {object}: {found}, expected {expected}");
         }
     }
 
     #[test]
     fn a_wall_that_cuts_a_sphere_leaves_its_cap() {
-        let (packed, charts) = charts("color_bleeding");
+        let (packed, _) = charts("color_bleeding");
         // Centre on the plane x = −5: half of the sphere is in the room, and the wall misses a disc.
         let radius = f64::from(packed.objects[0].extent);
         let half = 2.0 * std::f64::consts::PI * radius * radius;
-        assert!((area(&charts, 0) / half - 1.0).abs() < 0.01, "{} of {half}", area(&charts, 0));
+        assert!((area(&packed, 0) / half - 1.0).abs() < 0.01, "{} of {half}", area(&packed, 0));
         let wall = (0..packed.objects.len())
             .find(|i| {
                 packed.objects[*i].kind == PLANE && packed.objects[*i].anchor[0] != 0.0 && {
@@ -402,7 +414,7 @@ mod tests {
             .expect("the wall");
         let whole = 14.0 * 23.0;
         let expected = whole - std::f64::consts::PI * radius * radius;
-        assert!((area(&charts, wall) / expected - 1.0).abs() < 1e-3, "{} of {expected}", area(&charts, wall));
+        assert!((area(&packed, wall) / expected - 1.0).abs() < 1e-3, "{} of {expected}", area(&packed, wall));
     }
 
     #[test]
@@ -410,5 +422,52 @@ mod tests {
         let (_, charts) = charts("sphere_and_plane");
         assert!(charts.texels() < 200_000, "{}", charts.texels());
         assert!(charts.records.iter().any(|chart| chart.bend == 1.0));
+    }
+
+    #[test]
+    fn windows_stay_in_their_charts_are_wide_in_the_open_and_narrow_at_contacts() {
+        for name in ["gi_ref", "color_bleeding", "sphere_and_plane"] {
+            let (packed, charts) = charts(name);
+            let mut widths = [0; 1 + window::WIDEST as usize];
+            for chart in &charts.records {
+                let (columns, rows) = (chart.columns as usize, chart.rows as usize);
+                for side in 0..2 {
+                    let first = chart.first as usize + side * columns * rows;
+                    for i in 0..columns * rows {
+                        let window = charts.windows[first + i];
+                        let around: Vec<usize> = window.texels(first + i).collect();
+                        let width = 2 * window.half_width as usize + 1;
+                        assert_eq!(around.len(), width * width);
+                        assert!(around.iter().all(|t| (first..first + columns * rows).contains(t)));
+                        // The rows of a window do not wrap around the chart's border.
+                        let (low, high) = (around[0] - first, around[width - 1] - first);
+                        assert_eq!(low / columns, high / columns, "{name}: texel {i} of {columns} columns");
+                        assert_eq!(around[around.len() / 2], first + i);
+                        widths[window.half_width as usize] += 1;
+                    }
+                }
+            }
+            assert!(
+                widths[0] > 0 && widths[window::WIDEST as usize] > widths.iter().sum::<i32>() / 8,
+                "{name}: {widths:?}"
+            );
+            assert_eq!(charts.windows.len(), charts.inverse_areas.len());
+            assert!(packed.objects.len() == charts.records.len());
+        }
+    }
+
+    #[test]
+    fn sides_that_no_light_can_come_to_are_dark() {
+        let (packed, charts) = charts("gi_ref");
+        for (object, chart) in charts.records.iter().enumerate() {
+            let count = (chart.columns * chart.rows) as usize;
+            let lit = |side: usize| {
+                let first = chart.first as usize + side * count;
+                charts.inverse_areas[first..first + count].iter().any(|inverse| *inverse > 0.0)
+            };
+            // The lamp is inside the room and outside both spheres.
+            assert!(lit(0) != lit(1), "object {object} of {}", packed.objects.len());
+            assert!(object >= packed.sphere_count || lit(0), "a sphere's outside");
+        }
     }
 }

@@ -110,6 +110,32 @@ fn final_gathering_converges_to_the_references() {
     }
 }
 
+/// Lit points share the light with rays: they take noise away, and nothing else.
+#[test]
+fn lit_points_leave_the_mean_and_lessen_the_noise() {
+    let _drivers = drivers();
+    let Some(mut pipeline) = common::open(photile::settings::Backend::OpenCl) else { return };
+    for name in ["gi_ref", "gi_two_lights", "color_bleeding"] {
+        let mut render_with = |points, passes| {
+            let gather = FinalGather { rays: 16, spacing: 1, points, ..FinalGather::default() };
+            let settings = settings(40, 30, Technique::FinalGather(gather));
+            let mut progressive = render(&mut pipeline, name, &settings, passes);
+            (progressive.image().unwrap(), progressive.estimate().unwrap().relative)
+        };
+        let (truth, _) = render_with(0, 512);
+        let ((without, noise_without), (with, noise_with)) = (render_with(0, 32), render_with(32, 32));
+        let mean = |image: &Image| image.pixels.iter().flatten().map(|v| f64::from(*v)).sum::<f64>();
+        // 32 passes of 16 rays at 1200 pixels: a few thousandths of noise, most of it the photons', which all pixels share.
+        assert!((mean(&with) / mean(&truth) - 1.0).abs() < 4e-3, "{name}: {} {}", mean(&with), mean(&truth));
+        let (error_without, error_with) = (rel_mse(&without, &truth), rel_mse(&with, &truth));
+        assert!(error_with < 0.8 * error_without, "{name}: {error_with} with lit points, {error_without} without");
+        assert!(noise_with < noise_without, "{name}: {noise_with} {noise_without}");
+        // Four times as many points for each ray weigh otherwise, and bring the same.
+        let (many, _) = render_with(128, 32);
+        assert!((mean(&many) / mean(&truth) - 1.0).abs() < 4e-3, "{name}: {} {}", mean(&many), mean(&truth));
+    }
+}
+
 #[test]
 fn both_techniques_have_the_same_mean() {
     let _drivers = drivers();
