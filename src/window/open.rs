@@ -300,6 +300,7 @@ impl Open {
                 match news {
                     News::Notice(line) => self.state.notice = Some(line),
                     News::Failed(line) => self.state.failure = Some(line),
+                    News::Saved(paths) if paths.is_empty() => {}
                     News::Saved(paths) => {
                         let names: Vec<_> = paths.iter().map(|path| path.display().to_string()).collect();
                         self.state.notice = Some(format!("written: {}", names.join(", ")));
