@@ -17,8 +17,7 @@ fn shot_and_rendered(options: &[&str], passes: &str) -> Option<[Image; 2]> {
     window.key("p");
     let shot = display.directory.path().join("shot.exr");
     window.until("screenshot", |_| shot.exists().then_some(()));
-    let summary = window.quit();
-    assert_eq!(summary["written"].as_array().map(Vec::len), Some(2), "PNG and EXR: {summary}");
+    window.quit();
     let headless = display.directory.path().join("headless.exr");
     let rendered =
         Command::new(BINARY).arg("render").arg(&scene).args(shared).args(options).arg("-o").arg(&headless).output();
@@ -47,11 +46,11 @@ fn a_screenshot_is_the_headless_picture() {
 fn at_rest_it_refines_to_the_converged_picture() {
     let Some(display) = Display::open() else { return };
     let scene = common::scene_path("gi_ref");
-    let mut window = Window::start(&display, &scene, &["--size", "320x240", "--passes", "100"]);
+    let mut window = Window::start(&display, &scene, &["--size", "320x240", "--passes", "32"]);
     let refined = window.converged();
-    // It is what 100 passes without a window give, and that is nearer to the reference than what moves.
+    // It is what 32 passes without a window give, on another backend.
     let rendered = display.directory.path().join("rendered.png");
-    let args = ["--size", "320x240", "--passes", "100", "--backend", "opencl"];
+    let args = ["--size", "320x240", "--passes", "32", "--backend", "opencl"];
     let out = Command::new(BINARY).arg("render").arg(&scene).args(args).arg("-o").arg(&rendered).output().unwrap();
     assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
     let rendered: Vec<[u8; 3]> = shown(&Image::load(&rendered).unwrap());
