@@ -33,6 +33,24 @@ fn at_twice_the_scale_a_picture_still_has_its_pixels() {
     window.quit();
 }
 
+#[test]
+fn without_opencl_photons_come_from_the_cpu_and_the_title_says_so() {
+    let Some(display) = Display::open() else { return };
+    let scene = common::scene_path("gi_ref");
+    let args = ["--size", "320x240", "--radius", "0.5", "--photons", "5k", "--passes", "1"];
+    let program = view(&display, &scene, &args)
+        .env("DISPLAY", &display.name)
+        .env("OCL_ICD_VENDORS", display.directory.path()) // where no driver is
+        .spawn()
+        .unwrap();
+    let mut window = Window::of(&display, program);
+    window.until("title", |w| w.title().contains("photons from the CPU: no OpenCL").then_some(()));
+    let picture = window.converged();
+    let lit = picture.iter().filter(|pixel| pixel.iter().any(|c| *c > 60)).count();
+    assert!(lit * 2 > picture.len(), "the room is lit: {lit} of {} pixels", picture.len());
+    window.quit();
+}
+
 /// A Wayland compositor in a window of the display, whose mouse and keys it takes.
 struct Compositor {
     server: Child,
