@@ -12,12 +12,11 @@ use glam::DVec3;
 
 use crate::cpu::random::hash2_u;
 use crate::error::{Error, Result};
-use crate::features::Features;
 use crate::film::{Accumulator, Channel, Image, REPLICATES, STUDENT_90, fnv1a};
 use crate::layout::MAX_EXACT_INDEX;
 use crate::pipeline::{Pipeline, Rendering};
 use crate::scene::Scene;
-use crate::settings::{Amount, FinalGather, LightMode, Method, Settings, Technique};
+use crate::settings::{Amount, Method, Settings, Technique};
 
 /// The radius of pass i falls such that variance per pass grows as i^(1−α), and so does what is summed of it as i^−α
 /// with the squared bias: 2/3 makes both fall alike (Knaus & Zwicker 2011, §5).
@@ -111,17 +110,13 @@ impl Progressive {
         let mut settings = Settings { jittered: true, ..self.settings.clone() };
         settings.seed = hash2_u(self.settings.seed, replicate as u32 + 1);
         let first_sample = turn * u64::from(settings.samples);
-        let first_ray = match &mut settings.technique {
-            Technique::FinalGather(gather) => turn * u64::from(gather.rays),
-            Technique::Map => 0,
-        };
-        if first_sample.max(first_ray) + u64::from(settings.samples) >= MAX_EXACT_INDEX {
+        if first_sample + u64::from(settings.samples) >= MAX_EXACT_INDEX {
             return Err(Error::Usage(format!("{index} passes: samples can be counted no further in float values")));
         }
         settings.first_sample = first_sample as u32;
         settings.photons.pass = index as u32;
         if let Technique::FinalGather(gather) = &mut settings.technique {
-            gather.first_ray = first_ray as u32;
+            gather.turn = turn as u32;
             gather.texels <<= 2 * texel_level(index);
             // As many photons a texel as before: their noise is that of every ray.
             if let Amount::Paths(paths) = &mut settings.photons.amount {
@@ -278,74 +273,6 @@ pub fn channels(estimate: &Estimate) -> Vec<Channel> {
         })
     });
     named.collect()
-}
-
-/// A technique by name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
-    /// [`Technique::Map`].
-    Map,
-    /// [`Technique::FinalGather`].
-    FinalGather,
-}
-
-/// What the user asked for of what decides the technique; the rest is left open.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Wish {
-    /// The technique itself.
-    pub kind: Option<Kind>,
-    /// Rays of a site of final gathering in one pass.
-    pub rays: Option<u32>,
-    /// Pixels from site to site of final gathering.
-    pub spacing: Option<u32>,
-    /// A gather method, radius, kernel, grid or tiles: who asks for one of them asks for density estimates.
-    pub estimates: bool,
-    /// A number of photons.
-    pub photons: bool,
-}
-
-impl Wish {
-    /// Settles the technique of passes, and what it changes about the photons.
-    ///
-    /// # Errors
-    /// [`Error::Usage`] for wishes that contradict each other or the scene.
-    pub fn settle(&self, scene: &Scene, settings: &mut Settings) -> Result<()> {
-        let suitable = default_technique(scene, settings);
-        settings.technique = match (self.kind, suitable) {
-            (Some(Kind::FinalGather), Technique::Map) => {
-                return Err(Error::Usage(
-                    "--technique final-gather: wants --light hybrid, --photons rather than --stored, and no glossy \
-                     surface, whose view of the texels has no direction"
-                        .into(),
-                ));
-            }
-            (Some(Kind::Map), _) => Technique::Map,
-            (None, _) if self.estimates => Technique::Map,
-            _ => suitable,
-        };
-        match &mut settings.technique {
-            Technique::FinalGather(gather) => {
-                gather.rays = self.rays.unwrap_or(gather.rays);
-                gather.spacing = self.spacing.unwrap_or(gather.spacing);
-                if !self.photons {
-                    settings.photons.amount = Amount::Paths(FinalGather::PHOTONS);
-                }
-                Ok(())
-            }
-            Technique::Map if self.rays.is_some() || self.spacing.is_some() => {
-                Err(Error::Usage("--rays and --spacing belong to --technique final-gather".into()))
-            }
-            Technique::Map => Ok(()),
-        }
-    }
-}
-
-/// What suits a scene where the settings leave it open: final gathering wherever it is right.
-pub fn default_technique(scene: &Scene, settings: &Settings) -> Technique {
-    let suits = settings.light == LightMode::Hybrid
-        && !Features::of(scene, settings).glossy
-        && matches!(settings.photons.amount, Amount::Paths(_));
-    if suits { Technique::FinalGather(FinalGather::default()) } else { Technique::Map }
 }
 
 /// Of all that decides a pass's pixels.

@@ -148,23 +148,22 @@ pub enum Technique {
 pub struct FinalGather {
     /// Rays of a site in one pass.
     pub rays: u32,
+    /// Rays of a sample that gathers for itself, because no site is near enough.
+    pub own_rays: u32,
     /// Pixels from site to site; 1: every sample of a pixel is a site of its own.
     pub spacing: u32,
     /// Irradiance texels of one side each of all objects, about.
     pub texels: u32,
-    /// Number of a site's first ray, so that passes continue one sequence.
-    pub first_ray: u32,
-}
-
-impl FinalGather {
-    /// Paths of a pass: they serve rays that look at whole surfaces, so few will do.
-    pub const PHOTONS: u32 = 16_384;
+    /// Lit points of a pass, which all sites share.
+    pub points: u32,
+    /// How many passes came before: they go on in the same sequences of rays and lit points.
+    pub turn: u32,
 }
 
 impl Default for FinalGather {
     /// Measured on the report's scenes: see the README.
     fn default() -> Self {
-        FinalGather { rays: 32, spacing: 4, texels: 24_576, first_ray: 0 }
+        FinalGather { rays: 64, own_rays: 16, spacing: 4, texels: 24_576, points: 32, turn: 0 }
     }
 }
 

@@ -13,9 +13,10 @@ use super::{notice, stop_on_interrupt};
 use crate::error::{Error, Result};
 use crate::film::{Accumulator, Image, REPLICATES, check_directory};
 use crate::pipeline::{Pipeline, Rendering, Times};
-use crate::progressive::{Estimate, Kind, Progressive, Wish};
+use crate::progressive::{Estimate, Progressive};
 use crate::scene::Scene;
 use crate::settings::Settings;
+use crate::technique::{Kind, Wish};
 
 /// So that a power cut costs no more than a minute.
 const SAVE_EVERY: Duration = Duration::from_secs(60);
@@ -48,6 +49,12 @@ pub struct TechniqueOptions {
     /// Rays of a site of final gathering in one pass
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
     pub rays: Option<u32>,
+    /// Rays of a sample that gathers for itself, because no site is near enough
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
+    pub own_rays: Option<u32>,
+    /// Points that light reaches first, a pass, which all sites take light from
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=4096))]
+    pub points: Option<u32>,
     /// Pixels from site to site of final gathering; 1: every sample gathers for itself
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..=64))]
     pub spacing: Option<u32>,
@@ -80,15 +87,11 @@ impl PassOptions {
         self.passes.or(scene.render.passes.filter(|_| !others)).map(u64::from)
     }
 
-    /// Settles the technique, and what it changes about the photons.
-    ///
-    /// # Errors
-    /// [`Error::Usage`] for options that contradict each other.
-    pub fn apply(&self, options: &RenderOptions, scene: &Scene, settings: &mut Settings) -> Result<()> {
+    /// What is asked for. A single picture is made of density estimates, unless told otherwise.
+    pub fn wish(&self, options: &RenderOptions, scene: &Scene) -> Wish {
         let mut wish = self.technique.wish(options, scene);
-        // A single picture is made of density estimates, unless told otherwise.
         wish.estimates |= !self.wanted(scene);
-        wish.settle(scene, settings)
+        wish
     }
 }
 
@@ -103,8 +106,12 @@ impl TechniqueOptions {
                 TechniqueArg::FinalGather => Kind::FinalGather,
             }),
             rays: self.rays,
+            own_rays: self.own_rays,
+            points: self.points,
             spacing: self.spacing,
             estimates: gathers || grids,
+            samples: options.spp.is_some(),
+            on_gpu: false,
             photons: options.photons.is_some() || scene.render.photons.is_some(),
         }
     }

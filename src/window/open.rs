@@ -27,8 +27,8 @@ use super::worker::{News, Terms};
 use crate::error::Result;
 use crate::gl::{Present, Windowed};
 use crate::pace;
-use crate::progressive::Kind;
 use crate::settings::Backend;
+use crate::technique::Kind;
 
 /// Frame budget on a GPU and in software, ms.
 const BUDGETS: [f64; 2] = [33.0, 100.0];

@@ -8,8 +8,8 @@ use super::keys::{Action, HANDS, TABLE};
 use super::state::{Right, State, light_name};
 use super::worker::Frame;
 use crate::gl::ToneMap;
-use crate::progressive::{Kind, default_technique};
 use crate::settings::{Amount, Backend, LightMode, Method, Technique};
+use crate::technique::{Kind, default_technique};
 
 /// What the panel tells besides the state.
 pub struct Facts<'a> {

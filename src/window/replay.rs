@@ -14,9 +14,9 @@ use crate::census::{Kind, alive};
 use crate::error::Result;
 use crate::gl::{Headless, Picture};
 use crate::pipeline::{Machine, Times};
-use crate::progressive::Wish;
 use crate::scene::Scene;
 use crate::settings::{Backend, Method, Settings};
+use crate::technique::Wish;
 
 /// What a replay took.
 #[derive(Clone, Debug, Default, serde::Serialize)]

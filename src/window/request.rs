@@ -5,9 +5,9 @@ use std::sync::Arc;
 use crate::features::{Features, is_divided};
 use crate::gathering::Gathering;
 use crate::pack::Packed;
-use crate::progressive::Wish;
 use crate::scene::{Camera, Scene};
 use crate::settings::{Amount, Backend, DensityKernel, LightMode, Method, Settings, Technique};
+use crate::technique::Wish;
 
 use super::ladder::Level;
 

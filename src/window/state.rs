@@ -9,9 +9,9 @@ use super::orbit::Controller;
 use super::pick::{self, Thing};
 use super::request::Request;
 use crate::gl::ToneMap;
-use crate::progressive::{Kind, Wish};
 use crate::scene::Scene;
 use crate::settings::{Backend, LightMode, Method, Settings};
+use crate::technique::{Kind, Wish};
 
 /// The right picture of two: what differs from the left one.
 #[derive(Clone, Copy, Debug, PartialEq)]

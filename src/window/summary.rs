@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use super::replay::Replayed;
 use super::script::Script;
 use crate::pipeline::Machine;
-use crate::progressive::Wish;
 use crate::scene::Scene;
 use crate::settings::Settings;
+use crate::technique::Wish;
 
 /// How the window begins.
 pub struct Options {
