@@ -136,6 +136,7 @@ impl Open {
         let recording = Recording::new(options.record.unwrap_or_else(|| PathBuf::from(named)), now);
         let player = options.script.map(Player::new);
         let mut wish = options.wish;
+        wish.on_gpu = !software;
         if wish.estimates {
             wish.kind.get_or_insert(Kind::Map); // until the user asks for something else
         }

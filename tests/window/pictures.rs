@@ -46,11 +46,11 @@ fn a_screenshot_is_the_headless_picture() {
 fn at_rest_it_refines_to_the_converged_picture() {
     let Some(display) = Display::open() else { return };
     let scene = common::scene_path("gi_ref");
-    let mut window = Window::start(&display, &scene, &["--size", "320x240", "--passes", "32"]);
+    let mut window = Window::start(&display, &scene, &["--size", "320x240", "--passes", "16"]);
     let refined = window.converged();
-    // It is what 32 passes without a window give, on another backend.
+    // It is what 16 passes without a window give, on another backend.
     let rendered = display.directory.path().join("rendered.png");
-    let args = ["--size", "320x240", "--passes", "32", "--backend", "opencl"];
+    let args = ["--size", "320x240", "--passes", "16", "--backend", "opencl"];
     let out = Command::new(BINARY).arg("render").arg(&scene).args(args).arg("-o").arg(&rendered).output().unwrap();
     assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
     let rendered: Vec<[u8; 3]> = shown(&Image::load(&rendered).unwrap());
