@@ -10,6 +10,8 @@ const ROOM: f64 = 0.8;
 const PATIENCE: u32 = 4;
 /// Photons may take this share of the budget, where they are made anew for every frame.
 const PHOTON_SHARE: f64 = 0.5;
+/// Where fewer photons take more than this share of what more of them took, they are not what it costs.
+const FIXED: f64 = 0.8;
 
 /// Quality of a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
@@ -76,13 +78,20 @@ pub struct Ladder {
     roomy_photons: u32,
     /// Frames that took too long though nothing but gathering is left to drop.
     slow: u32,
+    /// What all photons would take, ms, by the last ones that were made.
+    all_photons: Option<f64>,
+    /// The last step down in photons: from where, and what they took there.
+    fewer_from: Option<(usize, f64)>,
+    /// Fewer photons take no less: what they take are the driver's own costs.
+    photons_fixed: bool,
 }
 
 impl Ladder {
     /// Starts low: the first frame shall be there soon, and better ones follow.
     pub fn new(budget: f64) -> Ladder {
         let level = Level { coarse: COARSE.len() - 2, fewer: FEWER.len() - 2, no_gathering: false };
-        Ladder { budget, level, roomy: 0, roomy_photons: 0, slow: 0 }
+        let (all_photons, fewer_from) = (None, None);
+        Ladder { budget, level, roomy: 0, roomy_photons: 0, slow: 0, all_photons, fewer_from, photons_fixed: false }
     }
 
     /// Of the next frame while things move.
@@ -124,6 +133,16 @@ impl Ladder {
             if self.roomy >= PATIENCE {
                 (self.level.coarse, self.roomy) = (next, 0);
             }
+        } else if self.level.coarse == 0 && self.level.fewer > 0 && cost.photons == 0.0 {
+            // Photons are kept while only the camera moves: more of them cost once, and then by being gathered.
+            let more = self.level.fewer - 1;
+            let gathered = f64::from(FEWER[self.level.fewer]) / f64::from(FEWER[more]);
+            let made = self.all_photons.map_or(0.0, |all| all / f64::from(FEWER[more]));
+            let fits = cost.pixels * gathered <= left * ROOM && made <= self.budget * PHOTON_SHARE;
+            self.roomy = if fits { self.roomy + 1 } else { 0 };
+            if self.roomy >= PATIENCE {
+                (self.level.fewer, self.roomy) = (more, 0);
+            }
         } else {
             self.roomy = 0;
         }
@@ -134,7 +153,14 @@ impl Ladder {
         if took == 0.0 || self.level.no_gathering {
             return; // nothing was made, nothing is learnt
         }
-        if took > share {
+        if let Some((from, before)) = self.fewer_from.take()
+            && took > before * FIXED
+        {
+            (self.level.fewer, self.photons_fixed) = (from, true);
+        }
+        self.all_photons = Some(took * f64::from(FEWER[self.level.fewer]));
+        if took > share && !self.photons_fixed {
+            self.fewer_from = Some((self.level.fewer, took));
             let per_path = took * f64::from(FEWER[self.level.fewer]);
             let fits = |fewer: &usize| per_path / f64::from(FEWER[*fewer]) <= share;
             self.level.fewer = (self.level.fewer..FEWER.len()).find(fits).unwrap_or(FEWER.len() - 1);
@@ -153,7 +179,7 @@ impl Ladder {
 
     /// Things rest: gathering may be tried again when they move next.
     pub fn rested(&mut self) {
-        self.level.no_gathering = false;
+        (self.level.no_gathering, self.photons_fixed) = (false, false);
     }
 }
 
@@ -230,6 +256,31 @@ mod tests {
         ladder.measured(Cost { photons: 0.0, pixels: 50.0 });
         ladder.measured(slow);
         assert!(!ladder.level().no_gathering);
+    }
+
+    #[test]
+    fn photons_that_are_kept_become_more_where_there_is_room() {
+        let mut ladder = Ladder::new(33.0);
+        // Gathering grows with the photons; they are made anew only where their number changes.
+        let mut last = ladder.level().fewer;
+        for _ in 0..100 {
+            let fewer = ladder.level().fewer;
+            let photons = if fewer == last { 0.0 } else { 20.0 / f64::from(FEWER[fewer]) };
+            last = fewer;
+            let pixels = (2.0 + 18.0 / f64::from(FEWER[fewer])) * ladder.level().pixels();
+            ladder.measured(Cost { photons, pixels });
+        }
+        assert_eq!(ladder.level(), Level { fewer: 1, ..Level::FULL }, "half of them: 11 ms; all of them would not fit");
+    }
+
+    #[test]
+    fn photons_stay_where_fewer_would_take_as_long() {
+        let mut ladder = Ladder::new(33.0);
+        let first = ladder.level().fewer;
+        for _ in 0..20 {
+            ladder.measured(Cost { photons: 30.0, pixels: 1.0 });
+        }
+        assert_eq!(ladder.level().fewer, first);
     }
 
     #[test]

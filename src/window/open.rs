@@ -136,6 +136,7 @@ impl Open {
         let recording = Recording::new(options.record.unwrap_or_else(|| PathBuf::from(named)), now);
         let player = options.script.map(Player::new);
         let mut wish = options.wish;
+        wish.on_gpu = !software;
         if wish.estimates {
             wish.kind.get_or_insert(Kind::Map); // until the user asks for something else
         }
@@ -300,6 +301,7 @@ impl Open {
                 match news {
                     News::Notice(line) => self.state.notice = Some(line),
                     News::Failed(line) => self.state.failure = Some(line),
+                    News::Saved(paths) if paths.is_empty() => {}
                     News::Saved(paths) => {
                         let names: Vec<_> = paths.iter().map(|path| path.display().to_string()).collect();
                         self.state.notice = Some(format!("written: {}", names.join(", ")));

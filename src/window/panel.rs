@@ -218,13 +218,16 @@ fn stages(ui: &mut Ui, facts: &Facts) {
         if building {
             ui.label("building programs …");
         }
-        let how = match (made.technique, made.radius) {
-            (Technique::FinalGather(gather), _) => format!("final gathering, {} rays a site", gather.rays),
-            (_, Some(radius)) => format!("{}, R = {radius:.3} m", made.method.map_or("", Method::name)),
-            _ => String::new(),
-        };
         if let Some(photons) = made.photons {
-            ui.label(format!("{} photons stored, {how}", photons.stored));
+            ui.label(match (made.technique, made.radius) {
+                (Technique::FinalGather(gather), _) => {
+                    format!("{} paths, final gathering, {} rays a site", photons.emitted, gather.rays)
+                }
+                (_, radius) => {
+                    let method = made.method.map_or("", Method::name);
+                    format!("{} photons stored, {method}, R = {:.3} m", photons.stored, radius.unwrap_or(0.0))
+                }
+            });
         }
         let t = &made.times;
         let named = [

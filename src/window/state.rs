@@ -127,7 +127,9 @@ impl State {
             let other = self.right?;
             (backend, settings.gather.method) = (other.backend, other.method);
         }
-        Some(Request::new(scene, settings, backend, &self.wish))
+        // The twins are slow wherever the window is.
+        let wish = Wish { on_gpu: self.wish.on_gpu && backend != Backend::Cpu, ..self.wish };
+        Some(Request::new(scene, settings, backend, &wish))
     }
 
     /// The user changed how photons are gathered: passes do it that way, too.
