@@ -71,6 +71,7 @@ pub fn run(args: &Args) -> Result<()> {
     let scene = args.options.load()?;
     let mut settings = args.options.settings(&scene);
     args.passes.apply(&args.options, &scene, &mut settings)?;
+    let chosen_paths = args.options.choose_paths(&scene, &mut settings)?;
     let output = args.output.clone().unwrap_or_else(|| PathBuf::from(format!("{}.png", scene.name)));
     check_output(&output)?;
     let exposure = args.exposure.or(scene.render.exposure.map(|ev| ev as f32)).unwrap_or(0.0);
@@ -84,6 +85,10 @@ pub fn run(args: &Args) -> Result<()> {
     let device = pipeline.devices.opengl.as_ref().or(pipeline.devices.opencl.as_ref());
     let device = device.map(|name| format!(" on {name}")).unwrap_or_default();
     notice(&format!("rendering with {} ({chosen}){device}", pipeline.backend.name()));
+
+    if let Some(chosen) = chosen_paths {
+        notice(&chosen);
+    }
 
     let picture = if args.passes.wanted(&scene) {
         passes::run(&mut pipeline, &scene, &settings, &args.passes)?
