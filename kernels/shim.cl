@@ -276,11 +276,6 @@ void store_run(__global float *table, int first, int end, Vec3 v) {
 #define PHOTONS
 #endif
 #define CHART_PARAMS __global const float *charts,
-// Small scenes lie in constant memory, which GPUs broadcast from; CPUs make no difference.
-#if LANES == 1 && defined(SCENE_IN_UNIFORMS) && !defined(NO_CONSTANT)
-#define SCENE_SPACE __constant
-#else
-#define SCENE_SPACE __global const
-#endif
-#define SCENE_PARAMS SCENE_SPACE float *frame, SCENE_SPACE float *objects, SCENE_SPACE float *lights, PHOTON_PARAMS
+#define SCENE_PARAMS __global const float *frame, __global const float *objects, __global const float *lights, \
+    PHOTON_PARAMS
 #define SCENE frame, objects, lights, PHOTONS
