@@ -35,7 +35,15 @@
 #define STORE_RUNS(v, table) table[FIRST_RUN] = v
 #else
 #define LOAD_RUNS(table) CONCAT(vload, LANES)(get_global_id(0), table)
-#define STORE_RUNS(v, table) CONCAT(vstore, LANES)(v, get_global_id(0), table)
+#define STORE_LANES(v, i, table) CONCAT(vstore, LANES)(v, i, table)
+#define STORE_RUNS(v, table) STORE_LANES(v, get_global_id(0), table)
+
+// All lanes' x, then y, then z, as vectors i, i + 1, i + 2 of a table.
+INLINE void store_lanes3(__global float *table, uint i, Vec3 v) {
+    STORE_LANES(v.x, i, table);
+    STORE_LANES(v.y, i + 1u, table);
+    STORE_LANES(v.z, i + 2u, table);
+}
 #endif
 
 INLINE Uint run_start(Uint run, uint first_path, uint end_path, uint run_length) {

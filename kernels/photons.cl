@@ -91,111 +91,88 @@ __kernel void photons_store(WALK_PARAMS, __global const uint *offsets, uint runs
     }
 }
 #else
-// CPUs walk once. A work-item records what its paths leave, in whatever order its lanes come to it, with the number of
-// the path: a few thousand records, which its core's cache holds. Then each record is copied to its place, after all
-// photons of earlier paths. Lanes take the work-item's next path when theirs ends, so that none is idle before the last.
+// CPUs walk once. Each lane of a work-item walks a run of paths of its own, and a step that stores something is recorded
+// as it stands in the lanes: whole vectors, no lane by itself, in memory that the core's cache holds. Within a lane
+// records lie in the order of the map already, so that copying them to their places takes no more than a running
+// number for each lane.
 #ifdef HAS_GLOSSY
-#define RECORD 11u
+#define RECORD 10u
 #else
-#define RECORD 8u
+#define RECORD 7u
 #endif
+#define PLACE_BLOCK 32u
 
-// The lanes that are free take the next paths, in the order of lanes.
-INLINE Uint deal(Bool alive, Uint path, uint *next) {
-    uint paths[LANES];
-    int busy[LANES];
-    CONCAT(vstore, LANES)(path, 0, paths);
-    CONCAT(vstore, LANES)(alive, 0, busy);
-    uint n = *next;
-    for (uint lane = 0; lane < LANES; lane++) {
-        paths[lane] = busy[lane] ? paths[lane] : n;
-        n += busy[lane] ? 0u : 1u;
-    }
-    *next = n;
-    return CONCAT(vload, LANES)(0, paths);
-}
-
-// Three fields of each lane, one after the other, from `fields` on.
-INLINE void spill3(float *fields, Vec3 v) {
-    CONCAT(vstore, LANES)(v.x, 0, fields);
-    CONCAT(vstore, LANES)(v.y, 1, fields);
-    CONCAT(vstore, LANES)(v.z, 2, fields);
-}
-
-// Paths [first_path + item · run_length, …) of each work-item; beyond `room` records it only counts. path_counts:
-// photons of each path, run_length to a work-item; totals: of each work-item.
-__kernel void photons_record(WALK_PARAMS, uint room, __global float *records, __global uint *path_counts,
-                             __global uint *totals) {
+// Paths [first_path + item · LANES · run_length, …) of each work-item. totals, two vectors a work-item: the photons of
+// each lane; and how many steps the work-item recorded, in every lane. Beyond `room` steps it only counts.
+__kernel void photons_record(WALK_PARAMS, uint room, __global float *records, __global uint *totals) {
     uint item = get_global_id(0);
-    uint first = first_path + item * run_length;
-    uint end = min(first + run_length, end_path);
-    __global float *record = records + item * room * RECORD;
-    __global uint *counts = path_counts + item * run_length;
-    for (uint p = 0u; p < run_length; p++) counts[p] = 0u;
-    uint next = first, recorded = 0u;
-    Uint path = lanes_u(end);
+    Uint run = lanes_u(item * LANES) + LANE_NUMBER;
+    Uint path = run_start(run, first_path, end_path, run_length);
+    Uint end = run_start(run + 1u, first_path, end_path, run_length);
+    __global float *record = records + item * room * RECORD * LANES;
+    uint recorded = 0u;
+    Uint count = lanes_u(0u);
     Photon photon = no_photon();
     Bool alive = NO_LANE;
-    while (true) {
-        if (any_lane(!alive)) {
-            path = deal(alive, path, &next);
-            if (!any_lane(path < end)) break;
-            photon = pick_photon(alive, photon, emit_photon(SCENE EMISSION path, stream));
-        }
+    while (any_lane(path < end)) {
+        if (any_lane(!alive)) photon = pick_photon(alive, photon, emit_photon(SCENE EMISSION path, stream));
         Step step = walk(SCENE photon);
         Bool stored = step.stored && path < end;
         if (any_lane(stored)) {
-            int masks[LANES];
-            uint paths[LANES];
-            float fields[RECORD * LANES];
-            CONCAT(vstore, LANES)(stored, 0, masks);
-            CONCAT(vstore, LANES)(path - first, 0, paths);
-            spill3(fields, step.surface.position);
-            spill3(fields + 3 * LANES, scale3(photon.throughput, photon.power));
-            CONCAT(vstore, LANES)(face_of(step.surface), 6, fields);
+            if (recorded < room) {
+                store_lanes3(record, 0, step.surface.position);
+                store_lanes3(record, 3, scale3(photon.throughput, photon.power));
+                STORE_LANES(pick(stored, face_of(step.surface), -1.0f), 6, record);
 #ifdef HAS_GLOSSY
-            spill3(fields + 7 * LANES, negate3(photon.direction));
+                store_lanes3(record, 7, negate3(photon.direction));
 #endif
-            for (uint lane = 0u; lane < LANES; lane++) {
-                if (!masks[lane]) continue;
-                if (recorded < room) {
-                    for (uint f = 0u; f + 1u < RECORD; f++) record[f] = fields[f * LANES + lane];
-                    ((__global uint *)record)[RECORD - 1u] = paths[lane];
-                    record += RECORD;
-                }
-                recorded++;
-                counts[paths[lane]]++;
+                record += RECORD * LANES;
             }
+            recorded++;
+            count += pick_u(stored, 1u, 0u);
         }
         photon = step.photon;
         alive = step.survives;
+        path += pick_u(alive, 0u, 1u);
     }
-    totals[item] = recorded;
+    STORE_LANES(count, 2u * item, totals);
+    STORE_LANES(lanes_u(recorded), 2u * item + 1u, totals);
 }
 
 // Records to their places in the map, from first_slot on. Slots from `limit` on are dropped.
-__kernel void photons_place(__global const float *records, __global uint *path_counts, __global const uint *totals,
-                            uint room, uint run_length, uint first_slot, uint limit, MAP_PARAMS) {
+__kernel void photons_place(__global const float *records, __global const uint *totals, uint room, uint first_slot,
+                            uint limit, MAP_PARAMS) {
     uint item = get_global_id(0);
-    __global const float *record = records + item * room * RECORD;
-    __global uint *places = path_counts + item * run_length;
+    __global const float *record = records + item * room * RECORD * LANES;
+    __global const uint *counts = totals + 2u * item * LANES;
     uint place = first_slot;
-    for (uint i = 0u; i < item; i++) place += totals[i];
-    for (uint p = 0u; p < run_length; p++) {
-        uint count = places[p];
-        places[p] = place;
-        place += count;
+    for (uint before = 0u; before < item; before++)
+        for (uint lane = 0u; lane < LANES; lane++) place += totals[2u * before * LANES + lane];
+    uint places[LANES];
+    for (uint lane = 0u; lane < LANES; lane++) {
+        places[lane] = place;
+        place += counts[lane];
     }
-    // A path's records follow each other in the order of its bounces.
-    for (uint r = 0u; r < totals[item]; r++, record += RECORD) {
-        uint slot = places[((__global const uint *)record)[RECORD - 1u]]++;
-        if (slot >= limit) continue;
-        vstore3(vload3(0, record), slot, positions);
-        vstore3(vload3(1, record), slot, powers);
-        faces[slot] = record[6];
+    // A block of steps, which the L1 cache holds, lane by lane: each place in the map is then written to for a while.
+    uint steps = counts[LANES];
+    for (uint begin = 0u; begin < steps; begin += PLACE_BLOCK) {
+        uint end = min(begin + PLACE_BLOCK, steps);
+        for (uint lane = 0u; lane < LANES; lane++) {
+            uint slot = places[lane];
+            __global const float *own = record + begin * RECORD * LANES + lane;
+            for (uint s = begin; s < end; s++, own += RECORD * LANES) {
+                float face = own[6 * LANES];
+                if (face < 0.0f || slot >= limit) continue;
+                vstore3((float3)(own[0], own[LANES], own[2 * LANES]), slot, positions);
+                vstore3((float3)(own[3 * LANES], own[4 * LANES], own[5 * LANES]), slot, powers);
+                faces[slot] = face;
 #ifdef HAS_GLOSSY
-        vstore3(vload3(0, record + 7), slot, directions);
+                vstore3((float3)(own[7 * LANES], own[8 * LANES], own[9 * LANES]), slot, directions);
 #endif
+                slot++;
+            }
+            places[lane] = slot;
+        }
     }
 }
 #endif

@@ -66,7 +66,15 @@ Vec3 cross3(Vec3 a, Vec3 b) {
     return make3(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
 }
 #define pick3(c, a, b) pick3_(c, a, b)
-#define any_lane(c) any(c)
+// any() is a branch for each lane on PoCL.
+#if LANES == 16
+int any_of(Bool c) { ulong2 bits = as_ulong2(convert_char16(c)); return (bits.x | bits.y) != 0; }
+#elif LANES == 8
+int any_of(Bool c) { return as_ulong(convert_char8(c)) != 0; }
+#else
+int any_of(Bool c) { return as_uint(convert_char4(c)) != 0; }
+#endif
+#define any_lane(c) any_of(c)
 // A work-item's lanes are a block of pixels, row by row.
 #if LANES == 4
 #define LANE_COLUMNS 2
@@ -177,13 +185,13 @@ Vec3 same3(__global const float *table, int t) { return make3(table[3 * t], tabl
 // a vector literal, which compilers turn into gathers.
 Vec3 fetch3(__global const float *table, Int t) {
     int first = t.s0;
-    if (!any(t != first)) return NATIVE3(vload3(first, table));
+    if (!any_lane(t != first)) return NATIVE3(vload3(first, table));
     Int f = t * 3;
     return make3(GATHER(Real, table, f), GATHER(Real, table + 1, f), GATHER(Real, table + 2, f));
 }
 Real fetch1(__global const float *table, Int f) {
     int first = f.s0;
-    if (!any(f != first)) return lanes(table[first]);
+    if (!any_lane(f != first)) return lanes(table[first]);
     return GATHER(Real, table, f);
 }
 Uint fetch_u(__global const uint *table, Uint i) { return GATHER(Uint, table, i); }

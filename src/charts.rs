@@ -447,10 +447,9 @@ mod tests {
                     }
                 }
             }
-            assert!(
-                widths[0] > 0 && widths[window::WIDEST as usize] > widths.iter().sum::<i32>() / 8,
-                "{name}: {widths:?}"
-            );
+            // Contacts and the open, and most texels share.
+            assert!(widths[0] > 0 && widths[window::WIDEST as usize] > 0, "{name}: {widths:?}");
+            assert!(widths[1..].iter().sum::<i32>() > widths[0], "{name}: {widths:?}");
             assert_eq!(charts.windows.len(), charts.inverse_areas.len());
             assert!(packed.objects.len() == charts.records.len());
         }

@@ -21,6 +21,8 @@ pub mod window;
 
 pub mod progressive;
 
+pub mod count;
+
 pub mod pipeline;
 
 pub mod choice;

@@ -17,29 +17,23 @@ pub fn capacity(stored: usize) -> usize {
 /// glossy scenes, direction are a texel each, and one more the sort works in, or hashed rows lie in; face and order are
 /// 4 bytes each. Small maps may have small tables of more entries than that.
 pub fn table_entries(glossy: bool, stored: usize) -> usize {
-    (if glossy { stored + stored / 4 } else { 4 * stored }).max(1 << 16)
+    (if glossy { stored + stored / 16 } else { 4 * stored }).max(1 << 16)
 }
 
-/// Work-items of a batch of emission on CPUs, on up to eight cores.
-pub const RECORDING_ITEMS: u32 = 32;
+/// Bytes that emission on CPUs records a batch of paths in, which its cores' caches should hold.
+pub const RECORDING_BYTES: usize = 2_750_000;
 
-/// Photons that each of them can record.
-pub fn recording_slots(glossy: bool) -> u32 {
-    if glossy { 1024 } else { 2048 }
-}
-
-/// Floats of a record: position, power, face, number of the path, direction.
+/// Floats that a photon is recorded in: position, power, face, direction.
 pub fn recorded_floats(glossy: bool) -> u32 {
-    if glossy { 11 } else { 8 }
+    if glossy { 10 } else { 7 }
 }
 
 /// Most bytes that a sorted map takes in OpenCL, emission, sort and all.
 pub fn opencl_bytes(glossy: bool, stored: usize) -> usize {
     let tables = if glossy { 4 } else { 3 };
-    let records = 4 * RECORDING_ITEMS * (recording_slots(glossy) * recorded_floats(glossy) + 1024);
     // Boxes of faces, totals of scans, and the like.
-    let small = (1 << 16) + records as usize;
-    capacity(stored) * (tables * TEXEL + 4 + 4) + 4 * table_entries(glossy, stored) + small
+    let small = 1 << 16;
+    capacity(stored) * (tables * TEXEL + 4 + 4) + 4 * table_entries(glossy, stored) + RECORDING_BYTES + small
 }
 
 /// Most bytes that its copy takes in textures: positions, powers, directions, rows, cells.

@@ -111,7 +111,7 @@ INLINE Vec3 keep_side(SCENE_PARAMS Vec3 origin, Vec3 direction, Hit hit, Vec3 po
 }
 #endif
 
-Surface surface_at(SCENE_PARAMS Vec3 origin, Vec3 direction, Hit hit) {
+INLINE Surface surface_at(SCENE_PARAMS Vec3 origin, Vec3 direction, Hit hit) {
     Surface surface;
     surface.object = hit.object;
     Vec3 p = add3(origin, scale3(direction, hit.t));

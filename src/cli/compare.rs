@@ -117,7 +117,10 @@ fn compare_files(args: &Args, reference: &Path) -> Result<()> {
 /// A scene on every backend that is there.
 fn compare_backends(args: &Args) -> Result<()> {
     let scene = args.options.load()?;
-    let settings = args.options.settings(&scene);
+    let mut settings = args.options.settings(&scene);
+    if let Some(chosen) = args.options.choose_paths(&scene, &mut settings)? {
+        notice(&chosen);
+    }
     if let Some(output) = &args.output {
         check_output(output)?;
     }

@@ -6,11 +6,14 @@ use std::time::Duration;
 
 use clap::{Args, ValueEnum};
 
+use crate::count;
 use crate::error::Result;
 use crate::gathering::MAX_NEAREST;
 use crate::pipeline::Machine;
 use crate::scene::{self, Scene};
-use crate::settings::{Amount, Backend, DensityKernel, Gather, LightMode, Method, Photons, Sampler, Settings};
+use crate::settings::{
+    Amount, Backend, DensityKernel, Gather, LightMode, Method, Photons, Sampler, Settings, Technique,
+};
 
 /// The scene, and how it is rendered.
 #[derive(Args, Clone, Debug)]
@@ -32,7 +35,7 @@ pub struct RenderOptions {
     /// How photons are found around a point [default: grid, tiles or tiled-grid, whichever should be the fastest]
     #[arg(long, value_enum)]
     pub gather: Option<GatherArg>,
-    /// Paths emitted per pass, such as 200k or 1M
+    /// Paths emitted per pass, such as 200k or 1M [default: chosen from the scene, size, samples and radius]
     #[arg(long, value_name = "N", value_parser = parse_count, conflicts_with = "stored")]
     pub photons: Option<u32>,
     /// Emit until so many photons are stored, such as 12k
@@ -266,6 +269,21 @@ impl RenderOptions {
             },
             ..default
         }
+    }
+
+    /// Chooses the number of paths where neither the command line nor the scene says one, and tells why; none where one
+    /// is said, and with final gathering, which has a number of its own.
+    ///
+    /// # Errors
+    /// As [`count::choose`].
+    pub fn choose_paths(&self, scene: &Scene, settings: &mut Settings) -> Result<Option<String>> {
+        let said = self.photons.is_some() || self.stored.is_some() || scene.render.photons.is_some();
+        if said || settings.technique != Technique::Map {
+            return Ok(None);
+        }
+        let Some(chosen) = count::choose(scene, settings)? else { return Ok(None) };
+        settings.photons.amount = Amount::Paths(chosen.paths);
+        Ok(Some(format!("{} paths, since {}", chosen.paths, chosen.why)))
     }
 
     /// Where to run.

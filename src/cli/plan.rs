@@ -1,24 +1,22 @@
 //! `photile plan`: what is run for a scene, what is skipped, and why.
 
-use std::rc::Rc;
-
 use serde::Serialize;
 
 use super::options::RenderOptions;
 use super::print_json;
 use crate::choice::{self, Class, Estimate, Question};
+use crate::count::{Beginning, wants_photons};
 use crate::cpu::scene::SceneTables;
+use crate::emission::Plan;
 use crate::error::{Error, Result};
 use crate::features::{Features, Reason};
 use crate::layout::{Frame, Glass, Light, Object, Record, Shape, TEXEL, TEXTURE_WIDTH_LOG2};
 use crate::memory;
 use crate::pack::Packed;
-use crate::pipeline::emission;
 use crate::radius;
 use crate::scene::Scene;
-use crate::settings::{Amount, LightMode, Photons, Settings};
+use crate::settings::{Amount, LightMode, Settings};
 use crate::source::{Options, assemble, units};
-use crate::stage::map::MapStage;
 
 /// Show which stages and features a scene needs, what is skipped and why
 #[derive(clap::Args)]
@@ -90,30 +88,16 @@ const PATHS: u32 = 1 << 14;
 
 /// A beginning of the map, made by the CPU, and what follows from it.
 fn gathering(scene: &Scene, settings: &Settings, features: &Features, packed: &Packed) -> Result<Option<Gathering>> {
-    if settings.light == LightMode::Direct || scene.lights.is_empty() || packed.objects.is_empty() {
+    if !wants_photons(scene, settings) {
         return Ok(None);
     }
-    let amount = match settings.photons.amount {
-        Amount::Paths(paths) => Amount::Paths(paths.min(PATHS)),
-        Amount::Stored(photons) => Amount::Stored(photons.min(PATHS)),
-    };
-    let shortened = Settings { photons: Photons { amount, ..settings.photons }, ..settings.clone() };
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
-    let pool = Rc::new(pool.map_err(|error| Error::Device(format!("a thread: {error}")))?);
-    let mut map = MapStage::on_host(pool);
-    let emission = emission(&shortened);
-    map.upload(packed, features, &emission)?;
-    let counts = map.emit(&emission)?;
-    let stored = match settings.photons.amount {
-        Amount::Paths(paths) => (counts.stored as f64 * f64::from(paths) / counts.emitted.max(1) as f64) as u64,
-        Amount::Stored(photons) => photons.into(),
-    };
+    let beginning = Beginning::new(scene, settings, packed, features, PATHS)?;
+    let stored = beginning.stored(settings.photons.amount);
     let (tables, frame) = (SceneTables::new(packed, features), packed.frame(&scene.camera, settings));
-    let sample = map.sample(radius::SAMPLE)?;
-    let radius = settings.gather.radius.unwrap_or_else(|| radius::choose(&tables, &frame, &sample, stored));
+    let radius = settings.gather.radius.unwrap_or_else(|| radius::choose(&tables, &frame, &beginning.sample, stored));
     let weigh = |class| {
         let question = Question { stored, radius, tile: settings.gather.tile, class };
-        choice::estimates(&tables, &frame, &sample, &question)
+        choice::estimates(&tables, &frame, &beginning.sample, &question)
     };
     Ok(Some(Gathering {
         radius,
@@ -126,8 +110,18 @@ fn gathering(scene: &Scene, settings: &Settings, features: &Features, packed: &P
     }))
 }
 
+/// What paths are spared by leaving out directions in which nothing can be hit; empty where there are none.
+fn aimed(packed: &Packed, settings: &Settings) -> Result<String> {
+    let plan = Plan::of(packed, settings.light == LightMode::Photons)?;
+    let wasted = 100.0 * (1.0 - plan.useful_share(packed));
+    Ok(match plan.cells.is_empty() {
+        true => String::new(),
+        false => format!("{wasted:.1}% of the light can hit nothing: no paths go there"),
+    })
+}
+
 /// Which stages a first picture runs, in the pipeline's order.
-fn stages(scene: &Scene, settings: &Settings) -> Vec<Reason> {
+fn stages(scene: &Scene, settings: &Settings, chosen: Option<String>, aimed: String) -> Vec<Reason> {
     let objects = scene.spheres.len() + scene.planes.len();
     let no_photons = match (settings.light, scene.lights.len(), objects) {
         (LightMode::Direct, ..) => Some("direct light only"),
@@ -137,6 +131,7 @@ fn stages(scene: &Scene, settings: &Settings) -> Vec<Reason> {
     };
     let mode = if settings.light == LightMode::Photons { "all" } else { "those of at least one bounce" };
     let amount = match settings.photons.amount {
+        Amount::Paths(_) if chosen.is_some() => chosen.unwrap_or_default(),
         Amount::Paths(paths) => format!("{paths} paths, {mode} stored"),
         Amount::Stored(photons) => format!("{photons} photons, {mode} stored"),
     };
@@ -150,6 +145,15 @@ fn stages(scene: &Scene, settings: &Settings) -> Vec<Reason> {
         always("compile", "trace.frag in OpenGL, trace.cl in OpenCL, for the features below".into()),
         always("upload", format!("{objects} objects, {} lights", scene.lights.len())),
         of_photons("photons", &amount),
+        Reason {
+            feature: "emission map",
+            used: no_photons.is_none() && !aimed.is_empty(),
+            why: match no_photons {
+                Some(why) => why.into(),
+                None if aimed.is_empty() => "something can be hit in all directions".into(),
+                None => aimed,
+            },
+        },
         of_photons("grid or tiles", "photons into the cells that gathering walks through"),
         of_photons("textures", "in OpenGL: the photon map as RGB32F tables"),
         always("trace", format!("{} × {} pixels, {} samples each", settings.width, settings.height, settings.samples)),
@@ -158,7 +162,8 @@ fn stages(scene: &Scene, settings: &Settings) -> Vec<Reason> {
 
 pub fn run(args: &Args) -> Result<()> {
     let scene = args.options.load()?;
-    let settings = args.options.settings(&scene);
+    let mut settings = args.options.settings(&scene);
+    let chosen = args.options.choose_paths(&scene, &mut settings)?;
     let (features, reasons) = Features::explain(&scene, &settings);
     if let Some(unit) = &args.source {
         if !units().contains(&unit.as_str()) {
@@ -185,7 +190,7 @@ pub fn run(args: &Args) -> Result<()> {
     let report = Report {
         scene: scene.name.clone(),
         permutation: features.defines(),
-        stages: stages(&scene, &settings),
+        stages: stages(&scene, &settings, chosen, aimed(&packed, &settings)?),
         features: reasons,
         bytes: uploads.iter().map(|t| t.bytes).sum(),
         uploads,

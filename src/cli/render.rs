@@ -84,10 +84,15 @@ pub fn run(args: &Args) -> Result<()> {
     let mut pipeline = Pipeline::open(&machine, notice)?;
     wish.on_gpu = pipeline.is_on_gpu();
     wish.settle(&scene, &mut settings)?;
+    let chosen_paths = args.options.choose_paths(&scene, &mut settings)?;
     let chosen = if args.backend.is_some() { "asked for" } else { "the first that works" };
     let device = pipeline.devices.opengl.as_ref().or(pipeline.devices.opencl.as_ref());
     let device = device.map(|name| format!(" on {name}")).unwrap_or_default();
     notice(&format!("rendering with {} ({chosen}){device}", pipeline.backend.name()));
+
+    if let Some(chosen) = chosen_paths {
+        notice(&chosen);
+    }
 
     let picture = if args.passes.wanted(&scene) {
         passes::run(&mut pipeline, &scene, &settings, &args.passes)?

@@ -5,9 +5,9 @@ use super::photon_map::PhotonMap;
 use super::photons::check_stored;
 use crate::cl::{Arg, Buffer, Context, Kernel};
 use crate::error::{Error, Result};
-use crate::memory::{RECORDING_ITEMS, recorded_floats, recording_slots};
+use crate::memory::{RECORDING_BYTES, recorded_floats};
 
-/// Most paths of a work-item: its counters stay in the L1 cache.
+/// Most paths of a lane.
 const MAX_PATHS: u32 = 1024;
 
 /// Kernels, and the memory that a batch is recorded in.
@@ -15,14 +15,15 @@ pub struct Recorder {
     record: Kernel,
     place: Kernel,
     glossy: bool,
+    /// Of the device.
+    lanes: u32,
     /// Work-items of a batch.
     items: u32,
-    /// Records that a work-item has room for.
-    slots: u32,
+    /// Steps, of all its lanes, that a work-item has room for.
+    room: u32,
     records: Buffer<f32>,
-    path_counts: Buffer<u32>,
     totals: Buffer<u32>,
-    /// Paths of a work-item: as many as its records have room for, by what was stored so far.
+    /// Paths of a lane: as many as its work-item's records have room for, by what was stored so far.
     paths: u32,
 }
 
@@ -32,24 +33,26 @@ impl Recorder {
     /// # Errors
     /// [`Error::Device`] when memory is short.
     pub fn new(context: &Context, glossy: bool, record: Kernel, place: Kernel) -> Result<Recorder> {
-        // Several for each core, so that the last one does not keep the others waiting.
-        let items = RECORDING_ITEMS.max(4 * context.device.compute_units);
-        let slots = recording_slots(glossy);
+        // Long runs, since lanes wait for the longest of them; two items for each core, so that none waits long.
+        let lanes = context.device.lanes;
+        let items = 2 * context.device.compute_units.max(1);
+        let step = recorded_floats(glossy) * lanes;
+        let room = (RECORDING_BYTES as u32 / 4 / (step * items)).max(64);
         Ok(Recorder {
             record,
             place,
             glossy,
+            lanes,
             items,
-            slots,
-            records: Buffer::new(context, (items * slots * recorded_floats(glossy)) as usize)?,
-            path_counts: Buffer::new(context, (items * MAX_PATHS) as usize)?,
-            totals: Buffer::new(context, items as usize)?,
-            paths: slots / 4,
+            room,
+            records: Buffer::new(context, (items * room * step) as usize)?,
+            totals: Buffer::new(context, (items * 2 * lanes) as usize)?,
+            paths: (room / 8).clamp(1, MAX_PATHS),
         })
     }
 
     /// Emits paths `[0, paths)`; `walk_args` gives the kernels' first arguments for paths from the first number to the
-    /// second in work-items of the third. At most `limit` photons are kept.
+    /// second in runs of the third. At most `limit` photons are kept.
     ///
     /// # Errors
     /// [`Error::Usage`] when more are stored than indices can tell apart, [`Error::Device`] from the device.
@@ -63,27 +66,30 @@ impl Recorder {
     ) -> Result<PhotonMap> {
         let mut map = old;
         let (mut first, mut stored) = (0u32, 0u64);
+        let mut totals = Vec::new();
         while first < paths {
             // Few paths are shared out evenly as well.
-            let length = self.paths.min(paths.div_ceil(self.items)).clamp(1, MAX_PATHS);
-            let batch = (paths - first).min(self.items * length);
-            let items = batch.div_ceil(length) as usize;
+            let all = self.items * self.lanes;
+            let length = self.paths.min(paths.div_ceil(all)).clamp(1, MAX_PATHS);
+            let batch = (paths - first).min(all * length);
+            let items = batch.div_ceil(length * self.lanes) as usize;
             let mut args = walk_args(first, first + batch, length);
-            args.extend([Arg::Uint(self.slots), (&self.records).into()]);
-            args.extend([Arg::from(&self.path_counts), (&self.totals).into()]);
+            args.extend([Arg::Uint(self.room), (&self.records).into(), (&self.totals).into()]);
             context.launch(&self.record, &args, &[items], Some(&[1]))?;
-            let mut totals = vec![0u32; items];
+            totals.resize(items * 2 * self.lanes as usize, 0u32);
             self.totals.read(context, &mut totals)?;
-            let fullest = totals.iter().copied().max().unwrap_or(0);
-            if fullest > self.slots {
+            // Two vectors a work-item: photons by lane, and steps.
+            let of_items = || totals.chunks(2 * self.lanes as usize).map(|both| both.split_at(self.lanes as usize));
+            let fullest = of_items().map(|(_, steps)| steps[0]).max().unwrap_or(0);
+            if fullest > self.room {
                 if length == 1 {
                     return Err(Error::Device(format!("a path stores {fullest} photons")));
                 }
                 // Counts went on past the last record, so that the next try fits.
-                self.paths = (u64::from(length) * u64::from(self.slots) * 3 / (u64::from(fullest) * 4)).max(1) as u32;
+                self.paths = (u64::from(length) * u64::from(self.room) * 3 / (u64::from(fullest) * 4)).max(1) as u32;
                 continue;
             }
-            let here = totals.iter().map(|total| u64::from(*total)).sum::<u64>();
+            let here = of_items().flat_map(|(photons, _)| photons).map(|photons| u64::from(*photons)).sum::<u64>();
             let total = stored + here;
             check_stored(paths, total.min(limit.into()))?;
             let done = first + batch;
@@ -93,17 +99,17 @@ impl Recorder {
             let mut own =
                 PhotonMap::with_room(context, map, self.glossy, stored.min(limit.into()) as usize, room as usize)?;
             own.emitted = paths;
-            let mut args = vec![Arg::from(&self.records), (&self.path_counts).into(), (&self.totals).into()];
-            args.extend([Arg::Uint(self.slots), length.into(), (stored as u32).into(), limit.into()]);
+            let mut args = vec![Arg::from(&self.records), (&self.totals).into()];
+            args.extend([Arg::Uint(self.room), (stored as u32).into(), limit.into()]);
             args.extend([Arg::from(&own.positions), (&own.powers).into(), (&own.faces).into()]);
             args.extend(own.directions.as_ref().map(Arg::from));
             context.launch(&self.place, &args, &[items], Some(&[1]))?;
             own.stored = total.min(limit.into()) as usize;
             map = Some(own);
             (first, stored) = (done, total);
-            // Five deviations of a work-item's total are a quarter of it at 500 paths.
-            let mean = here as f64 / f64::from(batch);
-            self.paths = ((f64::from(self.slots) * 0.75 / mean.max(1e-3)) as u32).clamp(1, MAX_PATHS);
+            // The longest lane's steps differ little between batches: a tenth is room enough.
+            let steps = f64::from(fullest) / f64::from(length);
+            self.paths = ((f64::from(self.room) * 0.9 / steps.max(1e-3)) as u32).clamp(1, MAX_PATHS);
         }
         match map {
             Some(map) if paths > 0 => Ok(map),
