@@ -11,19 +11,18 @@ pub const INFINITE: f32 = 3.0e38;
 pub fn hit_sphere(origin: Vec3, direction: Vec3, center: Vec3, radius: f32, origin_on: bool) -> f32 {
     let from_center = origin - center;
     let approach = -from_center.dot(direction);
+    let closest = from_center + direction * approach;
+    let approach = approach - closest.dot(direction);
     if origin_on {
         return if approach > 0.0 { 2.0 * approach } else { INFINITE };
     }
-    let closest = from_center + direction * approach;
     let discriminant = radius * radius - closest.dot(closest);
     if discriminant < 0.0 {
         return INFINITE;
     }
-    let far_root = approach + discriminant.sqrt().copysign(approach);
-    let product = from_center.dot(from_center) - radius * radius;
-    let near_root = product / far_root;
-    let low = near_root.min(far_root);
-    let t = if low > 0.0 { low } else { near_root.max(far_root) };
+    let root = discriminant.sqrt();
+    let low = approach - root;
+    let t = if low > 0.0 { low } else { approach + root };
     if t > 0.0 { t } else { INFINITE }
 }
 

@@ -3,19 +3,20 @@
 use std::collections::HashMap;
 use std::rc::Rc;
 
+use super::draws::{self, Draws, Query, Rounds, load};
 use super::gl_final::FinalTextures;
 use super::{Indirect, Pause, Permutation, Trace, check_count, out_of_order};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::features::Features;
 use crate::film::Image;
-use crate::gathering::{Gathering, Method};
+use crate::gathering::Gathering;
 use crate::gl::{Functions, Program, TableTexture, Target};
 use crate::layout::{Frame, Light, Object, Record, TEXTURE_WIDTH_LOG2};
 use crate::pack::Packed;
 use crate::source::{Options, assemble};
 use crate::stage::irradiance::IrradianceView;
 use crate::stage::map::MapView;
-use crate::stage::photon_textures::{PhotonTextures, cells_across};
+use crate::stage::photon_textures::PhotonTextures;
 
 /// A fragment shader on a full-screen quad.
 pub struct GlTrace {
@@ -32,15 +33,16 @@ pub struct GlTrace {
     /// Programs that draw sites.
     site_programs: HashMap<Features, Program>,
     active: Option<Permutation>,
-    /// Loop rounds that the driver grants a fragment.
-    rounds: Option<u64>,
+    /// Loop rounds of a fragment.
+    rounds: Rounds,
+    /// Of the map uploaded last, [`load`].
+    load: f64,
+    /// Samples a pixel of the last picture.
+    samples: f32,
     /// Called between bands of rows.
     pause: Option<Pause>,
     stopped: bool,
 }
-
-/// llvmpipe ends a shader's loops, all of them together, after 65,535 rounds; some are left for small loops.
-const LLVMPIPE_ROUNDS: u64 = 60_000;
 
 impl GlTrace {
     /// Samplers of `trace.frag` in the order of the texture units: the photon map's, then the scene's, which a small
@@ -50,7 +52,7 @@ impl GlTrace {
     /// On the current context; software rasterisers grant a fragment only so many loop rounds.
     ///
     /// # Errors
-    /// [`Error::Device`] when the driver gives no textures.
+    /// [`crate::error::Error::Device`] when the driver gives no textures.
     pub fn new(gl: &Functions, is_software: bool) -> Result<GlTrace> {
         Ok(GlTrace {
             gl: gl.clone(),
@@ -63,19 +65,13 @@ impl GlTrace {
             programs: HashMap::new(),
             site_programs: HashMap::new(),
             active: None,
-            rounds: is_software.then_some(LLVMPIPE_ROUNDS),
+            rounds: if is_software { draws::LLVMPIPE } else { draws::GPU },
+            load: 0.0,
+            samples: 1.0,
             pause: None,
             stopped: false,
         })
     }
-}
-
-/// How a picture is cut into draws.
-struct Draws {
-    /// Samples of a draw.
-    samples: u64,
-    /// Parts that the candidates of a query are gathered in.
-    slices: u64,
 }
 
 impl GlTrace {
@@ -117,39 +113,24 @@ impl GlTrace {
     /// Draws short enough for the driver.
     ///
     /// # Errors
-    /// [`Error::Device`] when a single sample is too long.
+    /// [`crate::error::Error::Device`] when a single sample is too long.
     fn draws(&self, frame: &Frame, indirect: &Indirect) -> Result<Draws> {
-        let samples = frame.samples as u64;
-        let Some(granted) = self.rounds else { return Ok(Draws { samples, slices: 1 }) };
-        let (objects, lights) = ((frame.sphere_count + frame.plane_count) as u64, frame.light_count as u64);
-        // Closest hit, the planes' sides, a shadow ray a light, the clipped disc's planes twice; 32 bits of a Sobol'
-        // number.
-        let mut fixed = objects * (4 + lights) + lights + 64;
-        let mut candidates = 0;
-        if let Indirect::Final(_, lattice) = indirect {
-            fixed += lattice.rays as u64 * (objects * (2 + lights) + lights + 1);
-        }
-        if let Indirect::Map(_) = indirect {
-            let across = cells_across(self.photons.gather());
-            fixed += across * (2 * across + 1);
-            candidates = self.photons.most_candidates;
-            candidates += candidates / 256; // blocks of sums
-        }
-        let knn = self.active.and_then(|a| a.gathering).is_some_and(|g| g.method == Method::Knn);
-        if knn {
-            // A candidate may go down the heap; a heap cannot be filled in slices.
-            fixed += candidates * 9;
-            candidates = 0;
-        }
-        let Some(left) = granted.checked_sub(fixed).filter(|left| *left > 0) else {
-            return Err(Error::Device(format!(
-                "OpenGL: a sample of this picture takes up to {fixed} loop rounds, and this software driver ends loops \
-                 after {granted}: take --backend opencl, or fewer photons or a smaller radius"
-            )));
+        let query = match (indirect, self.active.and_then(|active| active.gathering)) {
+            (Indirect::Map(_), Some(gathering)) => Some(Query {
+                method: gathering.method,
+                across: draws::cells_across(self.photons.gather()),
+                candidates: self.photons.most_candidates,
+            }),
+            _ => None,
         };
-        let slices = candidates.div_ceil(left).max(1);
-        let a_sample = fixed + candidates.div_ceil(slices);
-        Ok(Draws { samples: if slices > 1 { 1 } else { (granted / a_sample).clamp(1, samples.max(1)) }, slices })
+        Draws::within(Some(self.rounds), frame, indirect, query)
+    }
+
+    /// What is known of how long rows take, after a change of their work by a factor.
+    fn scale_pace(&self, factor: f64) {
+        if let Some((_, _, target)) = &self.target {
+            target.pace.scale(factor);
+        }
     }
 }
 
@@ -176,16 +157,15 @@ impl Trace for GlTrace {
 
     fn upload_map(&mut self, map: &MapView, gathering: &Gathering) -> Result<u64> {
         let before = self.photons.uploads();
-        // Another radius or another number of photons: what rows took says little.
-        if let Some((_, _, target)) = &self.target {
-            target.pace.forget();
-        }
         match map {
             MapView::Device { context, stored, grid, .. } => {
                 self.photons.fill(context, grid, stored.as_ref(), gathering)?
             }
             MapView::Host { plan, stored, grid, .. } => self.photons.fill_from_host(plan, stored, grid, gathering)?,
         }
+        let now = load(self.photons.gather());
+        self.scale_pace(now / self.load);
+        self.load = now;
         Ok(self.photons.uploads() - before)
     }
 
@@ -209,6 +189,8 @@ impl Trace for GlTrace {
             self.target = Some((width, height, Target::new(&self.gl, width, height, false)?));
         }
         let Some(active) = self.active else { return Err(out_of_order("OpenGL")) };
+        self.scale_pace(f64::from(frame.samples / self.samples));
+        self.samples = frame.samples;
         let draws = self.draws(frame, &indirect)?;
         self.program(&active, draws.slices > 1)?;
         if let (Indirect::Final(_, lattice), Some(true)) = (indirect, active.final_gather) {
@@ -237,23 +219,17 @@ impl Trace for GlTrace {
             }
         }
         let pause = self.pause.clone().unwrap_or_else(|| Rc::new(|| true));
-        let samples = frame.samples as u64;
-        if draws.samples >= samples && draws.slices == 1 {
+        if draws.is_whole(frame) {
             self.stopped = !target.draw_while(program, None, &*pause)?;
             return Ok(());
         }
         target.clear();
-        for first in (0..samples).step_by(draws.samples as usize) {
-            let here = draws.samples.min(samples - first);
-            let part = Frame { samples: here as f32, first_sample: frame.first_sample + first as f32, ..*frame };
+        for (part, weight, slice) in draws.parts(frame) {
             program.set_records(std::slice::from_ref(&part));
-            for slice in 0..draws.slices {
-                self.photons.set_slice(program, slice, draws.slices);
-                let weight = Some(here as f32 / samples as f32);
-                self.stopped = !target.draw_while(program, weight, &*pause)? || !pause();
-                if self.stopped {
-                    return Ok(());
-                }
+            self.photons.set_slice(program, slice, draws.slices);
+            self.stopped = !target.draw_while(program, Some(weight), &*pause)? || !pause();
+            if self.stopped {
+                break;
             }
         }
         Ok(())
