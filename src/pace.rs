@@ -75,6 +75,8 @@ pub struct Pace {
     name: String,
     /// Milliseconds a unit, 0 where nothing is known.
     unit: Cell<f64>,
+    /// What a unit has to do, as was said last.
+    work: Cell<f64>,
     /// Units of the piece that told.
     told_by: Cell<usize>,
     /// Units of the last piece; 0 before the first of this run.
@@ -97,9 +99,9 @@ impl Pace {
         self.unit.set(0.0);
     }
 
-    /// A unit may now take so many times as long as before.
-    pub fn scale(&self, factor: f64) {
-        match factor {
+    /// Says how much a unit has to do now, in whatever measure: what is known follows it.
+    pub fn expect(&self, work: f64) {
+        match work / self.work.replace(work) {
             0.25..=1.0 => {}
             // What lasts 16 times as long is other work.
             factor if factor > 1.0 && factor <= 16.0 => self.unit.set(self.unit.get() * factor),
@@ -207,10 +209,19 @@ mod tests {
         assert!(pace.fits(1_000_000));
         pace.took(1, 20.0);
         assert!(!pace.fits(1_000_000), "one that lasts must be believed");
+    }
+
+    #[test]
+    fn known_times_follow_the_work() {
+        let pace = Pace::default();
+        pace.expect(5.0);
         pace.took(1000, 1.0);
-        pace.scale(2.0);
+        assert!(pace.fits(30_000));
+        pace.expect(10.0);
         assert!(pace.fits(10_000) && !pace.fits(20_000));
-        pace.scale(100.0);
+        pace.expect(10.0);
+        assert!(pace.fits(10_000), "the same once more");
+        pace.expect(1000.0);
         assert!(!pace.fits(1), "other work is unknown work");
     }
 

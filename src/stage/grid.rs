@@ -221,8 +221,8 @@ impl GridStage {
         Ok(&self.grid)
     }
 
-    /// Sorts a photon map into a grid, which takes over its memory. Only the faces' boxes are waited for; the queue is
-    /// in order.
+    /// Sorts a photon map into a grid, which takes over its memory. Only the faces' boxes and, on GPUs, the fullest cell
+    /// are waited for; the queue is in order.
     ///
     /// # Errors
     /// [`crate::error::Error::Usage`] when floats cannot count the photons or the cells that were asked for;

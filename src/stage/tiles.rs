@@ -205,6 +205,7 @@ impl TileStage {
                 (strip[1] as i32).into(),
                 (slots as i32).into(),
             ];
+            kernel.pace.expect((strip[0] * strip[1]) as f64 * samples as f64 * self.objects.len() as f64);
             context.launch(kernel, &args, &[work_items], None)?;
             let mut counts = vec![0; work_items];
             self.seen_counts.read(context, &mut counts)?;

@@ -2,7 +2,7 @@
 
 use std::rc::Rc;
 
-use super::draws::{self, Draws, Query, load};
+use super::draws::{self, Draws, Query};
 use super::{Indirect, Permutation, Trace, check_count, out_of_order};
 use crate::cl::{Arg, Buffer, Context, Kernel};
 use crate::error::Result;
@@ -26,8 +26,6 @@ pub struct ClTrace {
     part: Option<Buffer<[f32; 3]>>,
     /// Of a picture that is cut within its queries: which slice of the candidates they gather.
     slice: Buffer<Gather>,
-    /// Of the map uploaded last, [`load`].
-    load: f64,
     lattice: Buffer<SiteLattice>,
     sites: Option<(Buffer<Site>, Buffer<SiteSurface>)>,
     active: Option<Compiled>,
@@ -40,8 +38,6 @@ struct Compiled {
     kernel: Kernel,
     /// Traces slices, and adds them up: built when a picture has to be cut within its pixels.
     sliced: Option<[Kernel; 2]>,
-    /// Samples a pixel of the last picture.
-    samples: f32,
     /// Gathers the sites, where pixels take irradiance from these.
     sites: Option<Kernel>,
 }
@@ -50,14 +46,6 @@ struct Compiled {
 const BAND: u32 = 8;
 
 impl Compiled {
-    /// What is known of how long rows take, after a change of their work by a factor.
-    fn scale_pace(&self, factor: f64) {
-        self.kernel.pace.scale(factor);
-        if let Some([sliced, _]) = &self.sliced {
-            sliced.pace.scale(factor);
-        }
-    }
-
     fn build_sliced(&mut self, context: &Context) -> Result<()> {
         if self.sliced.is_none() {
             let mut defines = self.permutation.defines();
@@ -80,7 +68,7 @@ impl ClTrace {
     pub fn new(context: Rc<Context>) -> Result<ClTrace> {
         let (frame, lattice, slice) = (Buffer::new(&context, 1)?, Buffer::new(&context, 1)?, Buffer::new(&context, 1)?);
         let (objects, lights, film, part, sites, active) = Default::default();
-        Ok(ClTrace { context, objects, lights, frame, film, part, slice, load: 0.0, lattice, sites, active })
+        Ok(ClTrace { context, objects, lights, frame, film, part, slice, lattice, sites, active })
     }
 
     /// How a picture is cut within its pixels: on CPUs, where nothing has to be, never.
@@ -122,7 +110,7 @@ impl Trace for ClTrace {
             }
             _ => None,
         };
-        self.active = Some(Compiled { permutation: *permutation, lanes, kernel, sliced: None, samples: 1.0, sites });
+        self.active = Some(Compiled { permutation: *permutation, lanes, kernel, sliced: None, sites });
         Ok(())
     }
 
@@ -133,12 +121,7 @@ impl Trace for ClTrace {
         Ok(())
     }
 
-    fn upload_map(&mut self, map: &MapView, _gathering: &Gathering) -> Result<u64> {
-        if let MapView::Device { grid, .. } = map {
-            let now = load(&grid.plan.gather);
-            self.active.iter().for_each(|active| active.scale_pace(now / self.load));
-            self.load = now;
-        }
+    fn upload_map(&mut self, _map: &MapView, _gathering: &Gathering) -> Result<u64> {
         Ok(0) // it lies on the device already
     }
 
@@ -149,12 +132,8 @@ impl Trace for ClTrace {
         }
         self.frame.write(&self.context, std::slice::from_ref(frame))?;
         let draws = self.draws(frame, &indirect)?;
-        if let Some(active) = &mut self.active {
-            active.scale_pace(f64::from(frame.samples / active.samples));
-            active.samples = frame.samples;
-            if !draws.is_whole(frame) {
-                active.build_sliced(&self.context)?;
-            }
+        if let (Some(active), false) = (&mut self.active, draws.is_whole(frame)) {
+            active.build_sliced(&self.context)?;
         }
         let (Some(active), Some(objects), Some(lights), Some((_, _, film))) =
             (&self.active, &self.objects, &self.lights, &self.film)
@@ -188,6 +167,7 @@ impl Trace for ClTrace {
                     own.push((count as i32).into());
                     let local = if active.lanes == 1 { 64 } else { 8 };
                     let items = count.div_ceil(active.lanes as usize);
+                    kernel.pace.expect(f64::from(lattice.rays) * draws::rays(frame));
                     self.context.launch(kernel, &own, &[items], Some(&[local]))?;
                     args.extend(tables);
                 }
@@ -200,16 +180,6 @@ impl Trace for ClTrace {
         let context = &self.context;
         // 8 × 8 blocks a work-group: enough to share out, small enough that the last ones do not idle.
         let local = [8, BAND as usize];
-        let trace = |kernel: &Kernel, mut args: Vec<Arg>, film: &Buffer<[f32; 3]>| {
-            // What is not cut goes on from a row to the next.
-            let stride = if kernel.pace.fits(blocks[1]) { 1 } else { pace::stride(bands as usize) };
-            let [width, height, bands, stride] = [width, height, bands, stride as u32].map(|n| Arg::Int(n as i32));
-            args.extend([Arg::from(film), width, height, bands, stride]);
-            context.launch_paced(kernel, &args, &blocks, Some(&local))
-        };
-        let Some([sliced, add]) = active.sliced.as_ref().filter(|_| !draws.is_whole(frame)) else {
-            return trace(&active.kernel, args, film);
-        };
         let gather = match indirect {
             Indirect::Map(MapView::Device { tiles: Some(tiles), .. })
                 if active.permutation.gathering.is_some_and(|gathering| gathering.method.is_tiled()) =>
@@ -218,6 +188,17 @@ impl Trace for ClTrace {
             }
             Indirect::Map(MapView::Device { grid, .. }) => Some(grid.plan.gather),
             _ => None,
+        };
+        let trace = |kernel: &Kernel, mut args: Vec<Arg>, frame: &Frame, film: &Buffer<[f32; 3]>| {
+            kernel.pace.expect(f64::from(width) * draws::work(frame, gather.as_ref()));
+            // What is not cut goes on from a row to the next.
+            let stride = if kernel.pace.fits(blocks[1]) { 1 } else { pace::stride(bands as usize) };
+            let [width, height, bands, stride] = [width, height, bands, stride as u32].map(|n| Arg::Int(n as i32));
+            args.extend([Arg::from(film), width, height, bands, stride]);
+            context.launch_paced(kernel, &args, &blocks, Some(&local))
+        };
+        let Some([sliced, add]) = active.sliced.as_ref().filter(|_| !draws.is_whole(frame)) else {
+            return trace(&active.kernel, args, frame, film);
         };
         if gather.is_some() {
             args[3] = (&self.slice).into(); // the map's own arguments follow the scene's, this one first
@@ -232,7 +213,7 @@ impl Trace for ClTrace {
                 let slices = draws.slices as f32;
                 self.slice.write(context, &[Gather { slice: slice as f32, slices, ..gather }])?;
             }
-            trace(sliced, args.clone(), part)?;
+            trace(sliced, args.clone(), &frame, part)?;
             let floats = 3 * film.len();
             let [count, is_first] = [floats as i32, i32::from(number == 0)].map(Arg::Int);
             context.launch(add, &[(&*part).into(), film.into(), count, weight.into(), is_first], &[floats], None)?;

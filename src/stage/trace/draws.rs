@@ -102,9 +102,15 @@ impl Draws {
     }
 }
 
-/// How much gathering from a map takes, up to a factor: photons within the radius.
-pub fn load(gather: &Gather) -> f64 {
-    f64::from(gather.photon_count) * f64::from(gather.radius).powi(2)
+/// What a pixel has to do, up to a factor: its rays, and the photons within the radius.
+pub fn work(frame: &Frame, gather: Option<&Gather>) -> f64 {
+    let photons = gather.map_or(1.0, |gather| f64::from(gather.photon_count) * f64::from(gather.radius).powi(2));
+    f64::from(frame.samples) * rays(frame) * photons
+}
+
+/// What a ray and the shadow rays from where it ends have to do, up to a factor.
+pub fn rays(frame: &Frame) -> f64 {
+    f64::from((frame.sphere_count + frame.plane_count) * (2.0 + frame.light_count))
 }
 
 /// Cells along an axis that a query's ball can touch.

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::rc::Rc;
 
-use super::draws::{self, Draws, Query, Rounds, load};
+use super::draws::{self, Draws, Query, Rounds};
 use super::gl_final::FinalTextures;
 use super::{Indirect, Pause, Permutation, Trace, check_count, out_of_order};
 use crate::error::Result;
@@ -35,10 +35,6 @@ pub struct GlTrace {
     active: Option<Permutation>,
     /// Loop rounds of a fragment.
     rounds: Rounds,
-    /// Of the map uploaded last, [`load`].
-    load: f64,
-    /// Samples a pixel of the last picture.
-    samples: f32,
     /// Called between bands of rows.
     pause: Option<Pause>,
     stopped: bool,
@@ -66,8 +62,6 @@ impl GlTrace {
             site_programs: HashMap::new(),
             active: None,
             rounds: if is_software { draws::LLVMPIPE } else { draws::GPU },
-            load: 0.0,
-            samples: 1.0,
             pause: None,
             stopped: false,
         })
@@ -125,13 +119,6 @@ impl GlTrace {
         };
         Draws::within(Some(self.rounds), frame, indirect, query)
     }
-
-    /// What is known of how long rows take, after a change of their work by a factor.
-    fn scale_pace(&self, factor: f64) {
-        if let Some((_, _, target)) = &self.target {
-            target.pace.scale(factor);
-        }
-    }
 }
 
 impl Trace for GlTrace {
@@ -163,9 +150,6 @@ impl Trace for GlTrace {
             }
             MapView::Host { plan, stored, grid, .. } => self.photons.fill_from_host(plan, stored, grid, gathering)?,
         }
-        let now = load(self.photons.gather());
-        self.scale_pace(now / self.load);
-        self.load = now;
         Ok(self.photons.uploads() - before)
     }
 
@@ -189,8 +173,6 @@ impl Trace for GlTrace {
             self.target = Some((width, height, Target::new(&self.gl, width, height, false)?));
         }
         let Some(active) = self.active else { return Err(out_of_order("OpenGL")) };
-        self.scale_pace(f64::from(frame.samples / self.samples));
-        self.samples = frame.samples;
         let draws = self.draws(frame, &indirect)?;
         self.program(&active, draws.slices > 1)?;
         if let (Indirect::Final(_, lattice), Some(true)) = (indirect, active.final_gather) {
@@ -198,7 +180,7 @@ impl Trace for GlTrace {
             program.activate(&self.samplers(&FinalTextures::SAMPLERS[..2]));
             self.bind_scene(program, frame, 2);
             program.set_records(std::slice::from_ref(lattice));
-            self.finals.draw_sites(program, lattice)?;
+            self.finals.draw_sites(program, lattice, draws::rays(frame))?;
         }
         let (Some(program), Some((_, _, target))) = (self.programs.get(&(active, draws.slices > 1)), &self.target)
         else {
@@ -218,6 +200,8 @@ impl Trace for GlTrace {
                 self.finals.bind(0, active.final_gather == Some(true));
             }
         }
+        let gather = matches!(indirect, Indirect::Map(_)).then(|| self.photons.gather());
+        target.pace.expect(draws::work(frame, gather));
         let pause = self.pause.clone().unwrap_or_else(|| Rc::new(|| true));
         if draws.is_whole(frame) {
             self.stopped = !target.draw_while(program, None, &*pause)?;

@@ -48,11 +48,11 @@ impl FinalTextures {
         }
     }
 
-    /// Draws the sites with the active program, whose first two samplers are charts and texels.
+    /// Draws the sites with the active program, whose first two samplers are charts and texels; `work`: of a ray.
     ///
     /// # Errors
     /// [`Error::Device`] when the driver refuses the size or reports an error.
-    pub fn draw_sites(&mut self, program: &Program, lattice: &SiteLattice) -> Result<()> {
+    pub fn draw_sites(&mut self, program: &Program, lattice: &SiteLattice, work: f64) -> Result<()> {
         let count = lattice.columns as u32 * lattice.rows as u32;
         let rows = count.div_ceil(1 << TEXTURE_WIDTH_LOG2);
         if self.sites.as_ref().is_none_or(|(known, _)| *known < rows) {
@@ -64,6 +64,7 @@ impl FinalTextures {
         };
         // Only now: making a target binds its textures.
         self.bind(0, false);
+        target.pace.expect(f64::from(lattice.rays) * work);
         target.draw(program)
     }
 
