@@ -8,7 +8,7 @@ use crate::cl::{Arg, Buffer, Context, Kernel};
 use crate::error::Result;
 use crate::film::Image;
 use crate::gathering::Gathering;
-use crate::layout::{Frame, Gather, Light, Object, Site, SiteLattice, SiteSurface};
+use crate::layout::{Frame, Gather, Light, LitPoint, Object, Site, SiteLattice, SiteSurface};
 use crate::pace;
 use crate::pack::Packed;
 use crate::source::{Options, assemble};
@@ -27,6 +27,7 @@ pub struct ClTrace {
     /// Of a picture that is cut within its queries: which slice of the candidates they gather.
     slice: Buffer<Gather>,
     lattice: Buffer<SiteLattice>,
+    points: Option<Buffer<LitPoint>>,
     sites: Option<(Buffer<Site>, Buffer<SiteSurface>)>,
     active: Option<Compiled>,
 }
@@ -67,8 +68,8 @@ impl ClTrace {
     /// [`crate::error::Error::Device`] when the device has no room.
     pub fn new(context: Rc<Context>) -> Result<ClTrace> {
         let (frame, lattice, slice) = (Buffer::new(&context, 1)?, Buffer::new(&context, 1)?, Buffer::new(&context, 1)?);
-        let (objects, lights, film, part, sites, active) = Default::default();
-        Ok(ClTrace { context, objects, lights, frame, film, part, slice, lattice, sites, active })
+        let (objects, lights, film, part, points, sites, active) = Default::default();
+        Ok(ClTrace { context, objects, lights, frame, film, part, slice, lattice, points, sites, active })
     }
 
     /// How a picture is cut within its pixels: on CPUs, where nothing has to be, never.
@@ -152,9 +153,16 @@ impl Trace for ClTrace {
                 let photons = grid.args(stored.as_ref(), gathering.method);
                 args.extend(photons.ok_or_else(|| out_of_order("OpenCL"))?);
             }
-            (None, Indirect::Final(IrradianceView::Device { charts, texels, .. }, lattice)) => {
+            (None, Indirect::Final(IrradianceView::Device { charts, texels, .. }, pass)) => {
+                let lattice = &pass.lattice;
                 self.lattice.write(&self.context, std::slice::from_ref(lattice))?;
-                args.extend([Arg::from(*charts), (&self.lattice).into(), (*texels).into()]);
+                let points = match self.points.take().filter(|points| points.len() >= pass.points.len()) {
+                    Some(points) => points,
+                    None => Buffer::new(&self.context, pass.points.len())?,
+                };
+                let points = self.points.insert(points);
+                points.write(&self.context, &pass.points)?;
+                args.extend([Arg::from(*charts), (&self.lattice).into(), (*texels).into(), (&*points).into()]);
                 if let Some(kernel) = &active.sites {
                     let count = lattice.columns as usize * lattice.rows as usize;
                     if self.sites.as_ref().is_none_or(|(sites, _)| sites.len() < count) {
@@ -167,7 +175,7 @@ impl Trace for ClTrace {
                     own.push((count as i32).into());
                     let local = if active.lanes == 1 { 64 } else { 8 };
                     let items = count.div_ceil(active.lanes as usize);
-                    kernel.pace.expect(f64::from(lattice.rays) * draws::rays(frame));
+                    kernel.pace.expect(draws::site_work(frame, lattice));
                     self.context.launch(kernel, &own, &[items], Some(&[local]))?;
                     args.extend(tables);
                 }
@@ -190,7 +198,7 @@ impl Trace for ClTrace {
             _ => None,
         };
         let trace = |kernel: &Kernel, mut args: Vec<Arg>, frame: &Frame, film: &Buffer<[f32; 3]>| {
-            kernel.pace.expect(f64::from(width) * draws::work(frame, gather.as_ref()));
+            kernel.pace.expect(f64::from(width) * draws::work(frame, &indirect, gather.as_ref()));
             // What is not cut goes on from a row to the next.
             let stride = if kernel.pace.fits(blocks[1]) { 1 } else { pace::stride(bands as usize) };
             let [width, height, bands, stride] = [width, height, bands, stride as u32].map(|n| Arg::Int(n as i32));

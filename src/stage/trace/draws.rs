@@ -3,7 +3,8 @@
 
 use super::Indirect;
 use crate::error::{Error, Result};
-use crate::layout::{Frame, Gather};
+use crate::lattice::FinalPass;
+use crate::layout::{Frame, Gather, SiteLattice};
 use crate::settings::Method;
 
 /// Loop rounds that a work-item may take.
@@ -64,8 +65,9 @@ impl Draws {
         // number.
         let mut fixed = objects * (4 + lights) + lights + 64;
         let mut candidates = 0;
-        if let Indirect::Final(_, lattice) = indirect {
-            fixed += lattice.rays as u64 * (objects * (2 + lights) + lights + 1);
+        if let Indirect::Final(_, FinalPass { lattice, .. }) = indirect {
+            fixed += lattice.rays.max(lattice.own_rays) as u64 * (objects * (2 + lights) + lights + 1);
+            fixed += lattice.points as u64 * (objects + 1);
         }
         if let Some(query) = query {
             fixed += query.across * (2 * query.across + 1);
@@ -102,14 +104,24 @@ impl Draws {
     }
 }
 
-/// What a pixel has to do, up to a factor: its rays, and the photons within the radius.
-pub fn work(frame: &Frame, gather: Option<&Gather>) -> f64 {
-    let photons = gather.map_or(1.0, |gather| f64::from(gather.photon_count) * f64::from(gather.radius).powi(2));
-    f64::from(frame.samples) * rays(frame) * photons
+/// What a pixel has to do, up to a factor: its rays, and where they end the photons within the radius of the map that
+/// `gather` belongs to, or the rays of a final gathering.
+pub fn work(frame: &Frame, indirect: &Indirect, gather: Option<&Gather>) -> f64 {
+    let each = match (indirect, gather) {
+        (Indirect::Final(_, pass), _) => f64::from(pass.lattice.own_rays + pass.lattice.points),
+        (_, Some(gather)) => f64::from(gather.photon_count) * f64::from(gather.radius).powi(2),
+        (_, None) => 1.0,
+    };
+    f64::from(frame.samples) * rays(frame) * each
+}
+
+/// What a site has to do, up to a factor.
+pub fn site_work(frame: &Frame, lattice: &SiteLattice) -> f64 {
+    f64::from(lattice.rays + lattice.points) * rays(frame)
 }
 
 /// What a ray and the shadow rays from where it ends have to do, up to a factor.
-pub fn rays(frame: &Frame) -> f64 {
+fn rays(frame: &Frame) -> f64 {
     f64::from((frame.sphere_count + frame.plane_count) * (2.0 + frame.light_count))
 }
 

@@ -11,6 +11,7 @@ use crate::features::Features;
 use crate::film::Image;
 use crate::gathering::Gathering;
 use crate::gl::{Functions, Program, TableTexture, Target};
+use crate::lattice::FinalPass;
 use crate::layout::{Frame, Light, Object, Record, TEXTURE_WIDTH_LOG2};
 use crate::pack::Packed;
 use crate::source::{Options, assemble};
@@ -175,12 +176,15 @@ impl Trace for GlTrace {
         let Some(active) = self.active else { return Err(out_of_order("OpenGL")) };
         let draws = self.draws(frame, &indirect)?;
         self.program(&active, draws.slices > 1)?;
-        if let (Indirect::Final(_, lattice), Some(true)) = (indirect, active.final_gather) {
+        if let Indirect::Final(_, pass) = indirect {
+            self.finals.fill_points(&pass.points)?;
+        }
+        if let (Indirect::Final(_, FinalPass { lattice, .. }), Some(true)) = (indirect, active.final_gather) {
             let Some(program) = self.site_programs.get(&active.features) else { return Err(out_of_order("OpenGL")) };
-            program.activate(&self.samplers(&FinalTextures::SAMPLERS[..2]));
-            self.bind_scene(program, frame, 2);
+            program.activate(&self.samplers(&FinalTextures::SAMPLERS[..3]));
+            self.bind_scene(program, frame, 3);
             program.set_records(std::slice::from_ref(lattice));
-            self.finals.draw_sites(program, lattice, draws::rays(frame))?;
+            self.finals.draw_sites(program, lattice, draws::site_work(frame, lattice))?;
         }
         let (Some(program), Some((_, _, target))) = (self.programs.get(&(active, draws.slices > 1)), &self.target)
         else {
@@ -195,13 +199,13 @@ impl Trace for GlTrace {
         match indirect {
             Indirect::None => {}
             Indirect::Map(_) => self.photons.bind(program, 0),
-            Indirect::Final(_, lattice) => {
-                program.set_records(std::slice::from_ref(lattice));
+            Indirect::Final(_, pass) => {
+                program.set_records(std::slice::from_ref(&pass.lattice));
                 self.finals.bind(0, active.final_gather == Some(true));
             }
         }
         let gather = matches!(indirect, Indirect::Map(_)).then(|| self.photons.gather());
-        target.pace.expect(draws::work(frame, gather));
+        target.pace.expect(draws::work(frame, &indirect, gather));
         let pause = self.pause.clone().unwrap_or_else(|| Rc::new(|| true));
         if draws.is_whole(frame) {
             self.stopped = !target.draw_while(program, None, &*pause)?;
