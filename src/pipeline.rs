@@ -415,6 +415,14 @@ impl Pipeline {
         }
     }
 
+    /// The film of the last picture, read back.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when the device fails.
+    pub fn read(&mut self) -> Result<Image> {
+        self.tracer.read()
+    }
+
     /// Lets pictures be drawn in parts, between which `pause` is called; where it returns false, the rest of the
     /// picture is not wanted. OpenGL and the CPU heed it.
     pub fn set_pause(&mut self, pause: Option<Pause>) {
@@ -476,6 +484,11 @@ impl Pipeline {
             (Backend::OpenGl, _, Some(context)) if !context.is_software => Class::OpenGlGpu,
             (Backend::OpenGl, ..) => Class::OpenGlSoftware,
         }
+    }
+
+    /// Whether a GPU makes the pictures.
+    pub fn is_on_gpu(&self) -> bool {
+        matches!(self.class(), Class::OpenClGpu | Class::OpenGlGpu)
     }
 
     /// What each method would take for the last picture, the cheapest first; empty where it has no photons.

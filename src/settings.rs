@@ -160,15 +160,10 @@ pub struct FinalGather {
     pub turn: u32,
 }
 
-impl FinalGather {
-    /// Paths of a pass: they serve rays that look at whole surfaces, so few will do.
-    pub const PHOTONS: u32 = 16_384;
-}
-
 impl Default for FinalGather {
     /// Measured on the report's scenes: see the README.
     fn default() -> Self {
-        FinalGather { rays: 32, own_rays: 8, spacing: 4, texels: 24_576, points: 32, turn: 0 }
+        FinalGather { rays: 64, own_rays: 16, spacing: 4, texels: 24_576, points: 32, turn: 0 }
     }
 }
 

@@ -8,7 +8,7 @@
 use super::fullest::Fullest;
 use super::photon_map::{PhotonMap, Photons};
 use super::sort::{Scratch, Sort, share};
-use super::trace::draws::{cells_across, touched};
+use super::trace::draws::{cells_within, touched};
 use crate::cells::{Bounds, CellSize, Form, Plan, plan};
 use crate::cl::{Arg, Buffer, Context, Kernel, PART_ALIGNMENT};
 use crate::error::Result;
@@ -87,9 +87,9 @@ impl Grid {
         Some([gather, records, (&self.cell_starts).into(), cells, positions, powers, faces, directions])
     }
 
-    /// A bound on the photons that one query looks at, where the fullest cell is known.
+    /// About the most photons that one query looks at, where the fullest cell is known.
     pub fn most_candidates(&self) -> Option<u64> {
-        let across = cells_across(&self.plan.gather);
+        let across = cells_within(&self.plan.gather);
         let cells = match self.plan.hashed {
             true => across * across * 2, // a face is seldom more than two cells thick
             false => self.plan.faces.iter().map(|face| touched(face.counts, across)).max().unwrap_or(0),

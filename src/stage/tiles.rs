@@ -6,7 +6,7 @@ use super::grid::fit;
 use super::photon_map::Photons;
 use super::scan::Scan;
 use super::sort::{Scratch, Sort, share};
-use super::trace::draws::{cells_across, touched};
+use super::trace::draws::{cells_within, touched};
 use crate::cells::Bounds;
 use crate::cl::{Arg, Buffer, Context, Kernel};
 use crate::error::Result;
@@ -69,10 +69,10 @@ impl Tiles {
         ]
     }
 
-    /// A bound on the photons that one query looks at, where the fullest cell is known.
+    /// About the most entries that one query looks at, where the fullest cell is known.
     pub fn most_candidates(&self) -> Option<u64> {
         let photons = self.plan.gather.photon_count as u64;
-        let across = cells_across(&self.plan.gather);
+        let across = cells_within(&self.plan.gather);
         let cells = self.plan.regions.iter().map(|region| touched(region.counts, across)).max().unwrap_or(0);
         // A point that its tile does not know asks the whole map: few do, so that may take thrice as long.
         Some((self.fullest? * cells).max(photons / 3).min(photons))

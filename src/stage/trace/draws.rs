@@ -134,6 +134,12 @@ pub fn cells_across(gather: &Gather) -> u64 {
     2 * (1.001 * gather.radius / smallest).ceil().min(1e6) as u64 + 2
 }
 
+/// The same as a guess that is seldom exceeded, and never by much.
+pub fn cells_within(gather: &Gather) -> u64 {
+    let smallest = gather.cell.into_iter().fold(f32::INFINITY, f32::min);
+    if smallest > 0.0 { (2.0 * gather.radius / smallest).ceil().min(1e6) as u64 + 1 } else { 5 }
+}
+
 /// Cells of a face or region, of so many along its axes, that a query touches at most.
 pub fn touched(counts: [f32; 3], across: u64) -> u64 {
     counts.map(|count| (count as u64).min(across)).iter().product()
