@@ -63,6 +63,15 @@ __kernel void grid_starts(__global const uint *sorted_keys, __global float *cell
     }
 }
 
+// The most photons of any cell: how long the longest query may be.
+__kernel void grid_fullest(__global const float *cell_starts, __global volatile uint *fullest, int cells, int per_item) {
+    int first = (int)get_global_id(0) * per_item;
+    int end = min(first + per_item, cells);
+    uint most = 0u;
+    for (int c = first; c < end; c++) most = max(most, (uint)(cell_starts[c + 1] - cell_starts[c]));
+    if (most > *fullest) atomic_max(fullest, most);
+}
+
 // to[i] = from[order[i]], for tables of one texel a photon.
 __kernel void grid_reorder(__global const uint *order, __global const float *from, __global float *to, int count,
                            int per_item) {

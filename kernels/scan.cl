@@ -8,7 +8,7 @@
 // Each tile of `values` becomes its own exclusive scan; totals[tile] gets its sum, modulo 2³².
 __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1)))
 void scan_tiles(__global uint *values, __global uint *totals, uint count) {
-    uint tile = get_group_id(0);
+    uint tile = get_global_id(0) / GROUP; // a launch may be cut: group numbers begin anew in each piece
     uint first = tile * TILE;
 #if GROUP == 1
     uint sum = 0u;
@@ -52,7 +52,7 @@ void scan_tiles(__global uint *values, __global uint *totals, uint count) {
 // Adds to each tile what all tiles before it sum to. The first tile has nothing before it: group 0 takes tile 1.
 __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1)))
 void scan_add(__global uint *values, __global const uint *totals, uint count) {
-    uint tile = get_group_id(0) + 1u;
+    uint tile = get_global_id(0) / GROUP + 1u;
     uint before = totals[tile];
     uint end = min(tile * TILE + TILE, count);
     for (uint i = tile * TILE + get_local_id(0); i < end; i += GROUP) values[i] += before;

@@ -17,11 +17,23 @@
 #include "shared/final.glsl"
 #include "shared/pixel.glsl"
 
-// Global size: blocks across × blocks down; film: packed RGB, row 0 = top.
-__kernel void trace(SCENE_PARAMS __global float *film, int width, int height) {
+// Global size: blocks across × blocks down, in `bands` of BAND rows of blocks; film: packed RGB, row 0 = top. A launch may
+// be cut: band after band is taken in steps of `stride`, so that each piece has bands from all over the picture.
+#define BAND 8
+__kernel void trace(SCENE_PARAMS __global float *film, int width, int height, int bands, int stride) {
+    int down = get_global_id(1);
+    int band = down / BAND * stride % bands;
     int column = (int)get_global_id(0) * LANE_COLUMNS;
-    int row = (int)get_global_id(1) * LANE_ROWS;
+    int row = (band * BAND + down % BAND) * LANE_ROWS;
     if (column >= width || row >= height) return;
     Vec3 radiance = pixel_radiance(SCENE lanes_i(column) + LANE_COLUMN, lanes_i(row) + LANE_ROW);
     store_block(film, column, row, width, height, radiance);
 }
+
+#if defined(SLICED) || defined(PARTS)
+// Adds a part to the film, or begins with it.
+__kernel void trace_add(__global const float *part, __global float *film, int count, float weight, int is_first) {
+    int i = get_global_id(0);
+    if (i < count) film[i] = is_first ? weight * part[i] : film[i] + weight * part[i];
+}
+#endif

@@ -39,6 +39,9 @@ pub enum Error {
     /// A device call failed while it ran.
     #[error("{0}")]
     Device(String),
+    /// A device has no room for something; the text says how much.
+    #[error("{0}: the device's memory is full; fewer --photons, a smaller --size or another --backend take less")]
+    Memory(String),
     /// Something the user asked to be checked does not hold (validate, compare).
     #[error("{0}")]
     Failed(String),

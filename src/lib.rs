@@ -58,4 +58,5 @@ pub mod settings;
 
 pub mod census;
 pub mod error;
+pub mod fault;
 pub mod layout;

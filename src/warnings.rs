@@ -35,6 +35,20 @@ pub fn of(scene: &Scene, settings: &Settings, radius: Option<f32>) -> Vec<String
         warnings
             .push(format!("sphere {number} is far away for its size: float32 knows its normals to {turned:.1e} rad"));
     }
+    // Of a room, the way from a light to the farthest wall tells how large it is.
+    let walls = scene
+        .lights
+        .iter()
+        .flat_map(|light| scene.planes.iter().map(|plane| (plane.normal.dot(light.position) - plane.offset).abs()));
+    let room = walls.fold(0.0, f64::max);
+    let away = scene.lights.iter().map(|light| light.position.distance(camera)).fold(0.0, f64::max);
+    if scene.planes.len() > 2 && 4.0 * ULP * away > 1e-4 * room {
+        warnings.push(format!(
+            "the camera is {away:.1e} m from a room of {room:.1e} m: float32 knows its walls to {:.1e} of it, and a ray in a \
+             hundred thousand gets past their edges",
+            4.0 * ULP * away / room
+        ));
+    }
     if settings.light != LightMode::Direct
         && let Some(radius) = radius
     {
@@ -77,6 +91,25 @@ mod tests {
         // The walls of a room that are spheres of radius 10⁵.
         let wall = scene("center = [0, -100003, 0]\nradius = 1e5", "[5, 5, 5]");
         assert_eq!(of(&wall, &Settings::default(), Some(0.1)), [""; 0]);
+    }
+
+    #[test]
+    fn a_room_seen_from_very_far_is_said() {
+        let room = |away: f64| {
+            let mut text = format!(
+                "[camera]\nposition = [0, 0, {away}]\nlook_at = [0, 0, 0]\n[materials.m]\ncolor = [1, 1, 1]\n\
+                 [[lights]]\nposition = [0, 0.4, 0]\nintensity = [5, 5, 5]\n"
+            );
+            for normal in ["1, 0, 0", "0, 1, 0", "0, 0, 1"] {
+                for offset in [-1, 1] {
+                    text += &format!("[[planes]]\nnormal = [{normal}]\noffset = {offset}\nmaterial = \"m\"\n");
+                }
+            }
+            parse(&text, "x.toml").unwrap_or_else(|error| panic!("{error}"))
+        };
+        assert_eq!(of(&room(20.0), &Settings::default(), Some(0.1)), [""; 0], "ten sizes away");
+        let warnings = of(&room(2000.0), &Settings::default(), Some(10.0));
+        assert!(warnings.len() == 1 && warnings[0].contains("from a room"), "{warnings:?}");
     }
 
     #[test]

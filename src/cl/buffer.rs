@@ -6,12 +6,14 @@ use std::ptr;
 use std::rc::Rc;
 
 use bytemuck::Pod;
+use opencl3::error_codes::{CL_MEM_OBJECT_ALLOCATION_FAILURE, ClError};
 use opencl3::memory::{Buffer as ClBuffer, CL_MAP_READ, CL_MEM_READ_WRITE, ClMem};
 use opencl3::types::{CL_BLOCKING, cl_mem, cl_uchar};
 
 use super::{Context, failed};
 use crate::census::{Counted, Kind};
 use crate::error::Result;
+use crate::fault;
 
 /// Where parts of a buffer may begin, bytes: no driver asks for more (PoCL 128, NVIDIA 512).
 pub const PART_ALIGNMENT: usize = 4096;
@@ -67,12 +69,16 @@ impl<T: Pod> Buffer<T> {
     /// Uninitialised memory. OpenCL has no empty buffers: one record is allocated where none is asked for.
     ///
     /// # Errors
-    /// [`crate::error::Error::Device`], with the size, when the device has no room.
+    /// [`crate::error::Error::Memory`], with the size, when the device has no room.
     pub fn new(context: &Context, len: usize) -> Result<Buffer<T>> {
         let bytes = len.max(1) * size_of::<T>();
+        let full = |e| failed(&format!("{bytes} bytes on {}", context.device.name), e);
+        if fault::of_memory(context.memory.held() + bytes) {
+            return Err(full(ClError(CL_MEM_OBJECT_ALLOCATION_FAILURE)));
+        }
         // SAFETY: no host pointer is given, so nothing is aliased.
-        let memory = unsafe { ClBuffer::create(&context.context, CL_MEM_READ_WRITE, bytes, ptr::null_mut()) }
-            .map_err(|e| failed(&format!("{bytes} bytes on {}", context.device.name), e))?;
+        let memory =
+            unsafe { ClBuffer::create(&context.context, CL_MEM_READ_WRITE, bytes, ptr::null_mut()) }.map_err(full)?;
         Ok(Buffer { memory, len, of: PhantomData, account: Some(context.memory.enter(bytes)) })
     }
 

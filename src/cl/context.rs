@@ -9,6 +9,8 @@ use bytemuck::Pod;
 use opencl3::command_queue::{CL_QUEUE_PROFILING_ENABLE, CommandQueue};
 use opencl3::context::Context as ClContext;
 use opencl3::device::Device as ClDevice;
+use opencl3::error_codes::ClError;
+use opencl3::event::Event;
 use opencl3::kernel::{ExecuteKernel, Kernel as ClKernel};
 use opencl3::program::Program;
 use opencl3::types::cl_mem;
@@ -16,7 +18,8 @@ use opencl3::types::cl_mem;
 use super::buffer::Memory;
 use super::{Buffer, Device, failed};
 use crate::error::{Error, Result};
-use crate::pace::Pace;
+use crate::fault;
+use crate::pace::{self, Pace};
 use crate::source::Source;
 
 /// A device in use.
@@ -26,6 +29,8 @@ pub struct Context {
     pub(super) context: ClContext,
     pub(super) queue: CommandQueue,
     programs: RefCell<HashMap<String, Rc<Program>>>,
+    /// Launches that were not waited for: how long each took tells how long the next one will.
+    unread: RefCell<Vec<(Event, Rc<Pace>, usize)>>,
     /// What its buffers hold.
     pub memory: Rc<Memory>,
 }
@@ -34,8 +39,8 @@ pub struct Context {
 pub struct Kernel {
     kernel: ClKernel,
     name: String,
-    /// What a work-item takes.
-    pub pace: Pace,
+    /// What a work-item takes, or where work-items have two numbers, a row of them.
+    pub pace: Rc<Pace>,
 }
 
 /// A kernel's argument, in the order of its parameters.
@@ -88,7 +93,14 @@ impl Context {
         #[allow(deprecated)]
         let queue = CommandQueue::create_default(&context, CL_QUEUE_PROFILING_ENABLE)
             .map_err(|e| failed("making a queue", e))?;
-        Ok(Context { device, context, queue, programs: RefCell::default(), memory: Rc::default() })
+        Ok(Context {
+            device,
+            context,
+            queue,
+            programs: RefCell::default(),
+            unread: RefCell::default(),
+            memory: Rc::default(),
+        })
     }
 
     /// Builds a program, or finds it among those built before, and takes one of its kernels.
@@ -106,7 +118,7 @@ impl Context {
             }
         };
         let kernel = ClKernel::create(&program, name).map_err(|e| failed(&format!("kernel {name}"), e))?;
-        Ok(Kernel { kernel, name: name.into(), pace: Pace::default() })
+        Ok(Kernel { kernel, name: name.into(), pace: Rc::new(Pace::new(name)) })
     }
 
     fn build(&self, source: &Source) -> Result<Program> {
@@ -126,12 +138,28 @@ impl Context {
     }
 
     /// Runs a kernel over `global` work-items, padded to whole work-groups of `local` where that is given: kernels
-    /// drop the surplus themselves. Returns at once; the queue is in order.
+    /// drop the surplus themselves. The queue is in order. Returns at once, but where a GPU might take so long that the
+    /// launch has to be cut: see [`Context::launch_paced`].
     ///
     /// # Errors
     /// [`Error::Device`] when the launch is refused.
     pub fn launch(&self, kernel: &Kernel, args: &[Arg], global: &[usize], local: Option<&[usize]>) -> Result<()> {
-        self.enqueue(kernel, args, global, local, &[]).map(|_| ())
+        if !pace::cuts_all(self.device.is_gpu) {
+            return self.enqueue(kernel, args, global, local, &[]).map(|_| ());
+        }
+        let units = global.last().copied().unwrap_or(0);
+        if !kernel.pace.fits(units) {
+            return self.launch_paced(kernel, args, global, local);
+        }
+        if let Some(event) = self.enqueue(kernel, args, global, local, &[])? {
+            let mut unread = self.unread.borrow_mut();
+            unread.push((event, Rc::clone(&kernel.pace), units));
+            // So many events are few for a driver, and seldom read.
+            if unread.len() > 256 {
+                unread.retain(|launch| !read_time(launch));
+            }
+        }
+        Ok(())
     }
 
     /// Like [`Context::launch`], but cut along the last dimension into pieces that no watchdog minds, and waited for.
@@ -141,20 +169,20 @@ impl Context {
     /// [`Error::Device`] when a launch is refused or fails.
     pub fn launch_paced(&self, kernel: &Kernel, args: &[Arg], global: &[usize], local: Option<&[usize]>) -> Result<()> {
         let Some((all, across)) = global.split_last() else { return Ok(()) };
-        let granule = local.and_then(|local| local.last()).copied().unwrap_or(1);
+        // Without a size of their own, work-groups of GPUs are some warps.
+        let usual = if self.device.is_gpu { 64 } else { 1 };
+        let granule = local.and_then(|local| local.last()).copied().unwrap_or(usual);
         let (mut done, all) = (0, *all);
         kernel.pace.begin();
         while done < all {
-            let units = kernel.pace.next(all - done, all, granule);
+            let units = kernel.pace.next(all - done, all, granule, across.iter().product());
             let piece: Vec<usize> = across.iter().copied().chain([units]).collect();
             let offset: Vec<usize> = across.iter().map(|_| 0).chain([done]).collect();
             let begin = Instant::now();
             let Some(event) = self.enqueue(kernel, args, &piece, local, &offset)? else { return Ok(()) };
-            event.wait().map_err(|e| failed(&format!("running {}", kernel.name), e))?;
-            let time = event.profiling_command_end().and_then(|end| Ok(end - event.profiling_command_start()?));
+            self.wait(&event, &kernel.name)?;
             // Some drivers do not tell; the host's clock then counts what stood in the queue too.
-            let ms = time.ok().filter(|ns| *ns > 0).map_or(begin.elapsed().as_secs_f64() * 1e3, |ns| ns as f64 / 1e6);
-            kernel.pace.took(units, ms);
+            kernel.pace.took(units, milliseconds(&event).unwrap_or(begin.elapsed().as_secs_f64() * 1e3));
             done += units;
         }
         Ok(())
@@ -166,7 +194,7 @@ impl Context {
     /// [`Error::Device`] when the launch is refused or fails.
     pub fn run(&self, kernel: &Kernel, args: &[Arg], global: &[usize], local: Option<&[usize]>) -> Result<Duration> {
         let Some(event) = self.enqueue(kernel, args, global, local, &[])? else { return Ok(Duration::ZERO) };
-        event.wait().map_err(|e| failed(&format!("running {}", kernel.name), e))?;
+        self.wait(&event, &kernel.name)?;
         let time = event.profiling_command_end().and_then(|end| Ok(end - event.profiling_command_start()?));
         Ok(Duration::from_nanos(time.unwrap_or(0)))
     }
@@ -178,7 +206,7 @@ impl Context {
         global: &[usize],
         local: Option<&[usize]>,
         offset: &[usize],
-    ) -> Result<Option<opencl3::event::Event>> {
+    ) -> Result<Option<Event>> {
         if global.contains(&0) {
             return Ok(None);
         }
@@ -208,10 +236,18 @@ impl Context {
         if !offset.is_empty() {
             launch.set_global_work_offsets(offset);
         }
+        if let Some(code) = fault::of_launch() {
+            return Err(failed(&format!("launching {}", kernel.name), ClError(code)));
+        }
         // SAFETY: buffers handed over as arguments are reference-counted by OpenCL until the kernel has run.
         unsafe { launch.enqueue_nd_range(&self.queue) }
             .map(Some)
             .map_err(|e| failed(&format!("launching {}", kernel.name), e))
+    }
+
+    /// Waits for a launch. What waiting returns is not enough: a launch that failed on the device is over, too.
+    fn wait(&self, event: &Event, what: &str) -> Result<()> {
+        event.wait().map_err(|e| failed(&format!("running {what}"), e))
     }
 
     /// Waits until all that was launched is done.
@@ -219,6 +255,25 @@ impl Context {
     /// # Errors
     /// [`Error::Device`] when something launched before has failed.
     pub fn finish(&self) -> Result<()> {
-        self.queue.finish().map_err(|e| failed("waiting for the device", e))
+        self.queue.finish().map_err(|e| failed("waiting for the device", e))?;
+        for launch in self.unread.borrow_mut().drain(..) {
+            read_time(&launch);
+        }
+        Ok(())
     }
+}
+
+/// Learns from a launch that is over. Whether it is.
+fn read_time((event, pace, units): &(Event, Rc<Pace>, usize)) -> bool {
+    let time = milliseconds(event);
+    if let Some(ms) = time {
+        pace.took(*units, ms);
+    }
+    time.is_some()
+}
+
+/// The device's own time for a launch; none before its end, and from drivers that do not tell.
+fn milliseconds(event: &Event) -> Option<f64> {
+    let time = event.profiling_command_end().and_then(|end| Ok(end - event.profiling_command_start()?));
+    time.ok().filter(|ns| *ns > 0).map(|ns| ns as f64 / 1e6)
 }

@@ -10,6 +10,10 @@ pub use context::{Arg, Context, Kernel};
 pub use device::{Device, devices};
 pub use probe::probe;
 
+use opencl3::error_codes::{
+    CL_INVALID_BUFFER_SIZE, CL_INVALID_COMMAND_QUEUE, CL_MEM_OBJECT_ALLOCATION_FAILURE, CL_OUT_OF_RESOURCES,
+};
+
 use crate::error::Error;
 
 /// What to install where no OpenCL is found.
@@ -18,5 +22,13 @@ pub const MISSING: &str = "OpenCL is not there: on Debian or Ubuntu, `apt-get in
 
 /// An OpenCL failure in words: what was attempted, and the error's name.
 fn failed(what: &str, error: opencl3::error_codes::ClError) -> Error {
-    Error::Device(format!("OpenCL: {what}: {error}"))
+    match error.0 {
+        // Some drivers find out as late as the first launch that uses a buffer.
+        CL_MEM_OBJECT_ALLOCATION_FAILURE | CL_INVALID_BUFFER_SIZE => Error::Memory(format!("OpenCL: {what}: {error}")),
+        // What drivers answer after a reset, a watchdog or an illegal access, and to every call from then on.
+        CL_OUT_OF_RESOURCES | CL_INVALID_COMMAND_QUEUE => {
+            Error::Device(format!("OpenCL: {what}: {error}: the device was lost, or reset by its driver; start anew"))
+        }
+        _ => Error::Device(format!("OpenCL: {what}: {error}")),
+    }
 }

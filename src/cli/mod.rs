@@ -1,5 +1,6 @@
 //! The command line: a file a command. Argument types hold syntax only; policy lives below.
 
+mod batches;
 mod bench;
 mod compare;
 mod doctor;

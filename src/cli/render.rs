@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
+use super::batches;
 use super::options::{BackendArg, RenderOptions};
 use super::passes::{self, PassOptions, Passes};
 use super::{notice, print_json};
@@ -66,6 +67,8 @@ struct Report<'a> {
     interrupted: bool,
     warnings: Vec<String>,
     longest_submission_ms: f64,
+    /// Which kernel or shader that was.
+    longest_submission: String,
 }
 
 pub fn run(args: &Args) -> Result<()> {
@@ -97,8 +100,7 @@ pub fn run(args: &Args) -> Result<()> {
     let picture = if args.passes.wanted(&scene) {
         passes::run(&mut pipeline, &scene, &settings, &args.passes)?
     } else {
-        let rendering = pipeline.render(&scene, &settings)?;
-        Passes::one(rendering)
+        Passes::one(batches::render(&mut pipeline, &scene, &settings)?)
     };
     let rendering = &picture.last;
     let warnings = crate::warnings::of(&scene, &settings, rendering.radius);
@@ -143,6 +145,7 @@ pub fn run(args: &Args) -> Result<()> {
         times.readback
     ));
     if args.json {
+        let longest = crate::pace::longest();
         print_json(&Report {
             scene: &scene.name,
             backend: pipeline.backend,
@@ -169,7 +172,8 @@ pub fn run(args: &Args) -> Result<()> {
             error,
             interrupted: picture.interrupted,
             warnings,
-            longest_submission_ms: crate::pace::longest(),
+            longest_submission_ms: longest.0,
+            longest_submission: longest.1,
         });
     }
     // Not what was asked for: a script must not take it for that.

@@ -5,26 +5,30 @@ use glam::Vec3;
 /// Farther than any hit; finite, so that 0 · INFINITE stays a number.
 pub const INFINITE: f32 = 3.0e38;
 
+/// Of a hit: a root that rounding has brought to nothing or behind is still in front.
+const LEAST_DISTANCE: f32 = 1e-30;
+
 /// Distance to the nearest root in front of the origin, or [`INFINITE`]. `origin_on`: the ray starts on this sphere.
 ///
 /// Haines et al., "Precision Improvements for Ray/Sphere Intersection", Ray Tracing Gems, ch. 7.
 pub fn hit_sphere(origin: Vec3, direction: Vec3, center: Vec3, radius: f32, origin_on: bool) -> f32 {
     let from_center = origin - center;
     let approach = -from_center.dot(direction);
+    let closest = from_center + direction * approach;
+    let approach = approach - closest.dot(direction);
     if origin_on {
         return if approach > 0.0 { 2.0 * approach } else { INFINITE };
     }
-    let closest = from_center + direction * approach;
     let discriminant = radius * radius - closest.dot(closest);
     if discriminant < 0.0 {
         return INFINITE;
     }
-    let far_root = approach + discriminant.sqrt().copysign(approach);
-    let product = from_center.dot(from_center) - radius * radius;
-    let near_root = product / far_root;
-    let low = near_root.min(far_root);
-    let t = if low > 0.0 { low } else { near_root.max(far_root) };
-    if t > 0.0 { t } else { INFINITE }
+    let root = discriminant.sqrt();
+    let outside = from_center.dot(from_center) > radius * radius;
+    if outside && approach <= 0.0 {
+        return INFINITE;
+    }
+    (if outside { approach - root } else { approach + root }).max(LEAST_DISTANCE)
 }
 
 /// Distance to the plane `dot(normal, p) = offset`, or [`INFINITE`]. `origin_on`: the ray starts on this plane.

@@ -24,9 +24,33 @@ pub use windowed::{Aside, Spare, Windowed};
 
 use std::rc::Rc;
 
+use glow::HasContext;
+
+use crate::error::{Error, Result};
+
 /// What to install where no OpenGL is found.
 pub const MISSING: &str = "OpenGL is not there: on Debian or Ubuntu, `apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri` \
                            brings it in software; GPUs bring theirs with their driver";
+
+/// What the driver says to all that was asked of it since the last time.
+///
+/// # Errors
+/// [`Error::Memory`] when memory is out, [`Error::Device`] for other errors, and when the context is gone.
+fn checked(gl: &Functions, what: impl std::fmt::Display) -> Result<()> {
+    // SAFETY: the context is current.
+    let error = unsafe { gl.get_error() };
+    match error {
+        glow::NO_ERROR => Ok(()),
+        glow::OUT_OF_MEMORY => Err(Error::Memory(format!("OpenGL: {what}"))),
+        glow::CONTEXT_LOST => Err(lost(what)),
+        error => Err(Error::Device(format!("OpenGL: {what}: error {error:#06x}"))),
+    }
+}
+
+/// What is left to say once the context is gone.
+fn lost(what: impl std::fmt::Display) -> Error {
+    Error::Device(format!("OpenGL: {what}: the context was lost, or reset by its driver; start anew"))
+}
 
 /// A texture's name in its context, and in those that share with it.
 pub type Texture = glow::NativeTexture;

@@ -2,13 +2,14 @@
 
 use glow::HasContext;
 
-use super::{Functions, Program};
+use super::{Functions, Program, checked, lost};
 use crate::census::{Counted, Kind};
 use crate::error::{Error, Result};
-use crate::pace::Pace;
+use crate::fault;
+use crate::pace::{Pace, stride};
 
 /// Rows that a draw is cut into multiples of: drivers draw in blocks of pixels.
-const BAND: usize = 4;
+const BAND: usize = 8;
 
 /// A framebuffer with one texture or more; deleted when dropped.
 pub struct Target {
@@ -21,7 +22,7 @@ pub struct Target {
     height: u32,
     integers: bool,
     _counted: Counted,
-    /// What a row takes.
+    /// What a band of rows takes.
     pub pace: Pace,
 }
 
@@ -61,7 +62,7 @@ impl Target {
                 height,
                 integers,
                 _counted: Counted::new(Kind::OpenGl),
-                pace: Pace::default(),
+                pace: Pace::new("draw"),
             };
             gl.bind_framebuffer(glow::FRAMEBUFFER, Some(target.framebuffer));
             for output in 0..outputs {
@@ -171,25 +172,35 @@ impl Target {
             }
             gl.disable(glow::DEPTH_TEST);
             gl.enable(glow::SCISSOR_TEST);
-            let (mut done, all) = (0, self.height as usize);
+            let (mut done, all) = (0, (self.height as usize).div_ceil(BAND));
+            let stride = stride(all);
             self.pace.begin();
             while done < all {
-                let rows = self.pace.next(all - done, all, BAND.min(all));
+                let bands = self.pace.next(all - done, all, 1, BAND * self.width as usize);
                 let begin = std::time::Instant::now();
-                gl.scissor(0, done as i32, self.width as i32, rows as i32);
-                gl.draw_arrays(glow::TRIANGLES, 0, 3);
+                if bands == all {
+                    gl.scissor(0, 0, self.width as i32, self.height as i32);
+                    gl.draw_arrays(glow::TRIANGLES, 0, 3);
+                } else {
+                    // From all over the picture: sky, where nothing takes any time, says nothing of what lies below.
+                    for band in (done..done + bands).map(|band| band * stride % all) {
+                        // Beyond the height there is nothing to draw.
+                        gl.scissor(0, (band * BAND) as i32, self.width as i32, BAND as i32);
+                        gl.draw_arrays(glow::TRIANGLES, 0, 3);
+                    }
+                }
                 gl.finish();
-                self.pace.took(rows, begin.elapsed().as_secs_f64() * 1e3);
-                done += rows;
+                self.pace.took(bands, begin.elapsed().as_secs_f64() * 1e3);
+                done += bands;
                 if done < all && wanted.is_some_and(|wanted| !wanted()) {
                     break;
                 }
             }
             gl.disable(glow::SCISSOR_TEST);
-            match gl.get_error() {
-                glow::NO_ERROR => Ok(done == all),
-                error => Err(Error::Device(format!("OpenGL: drawing: error {error:#06x}"))),
+            if fault::of_draw() {
+                return Err(lost("drawing"));
             }
+            checked(gl, "drawing").map(|()| done == all)
         }
     }
 
@@ -206,10 +217,7 @@ impl Target {
             gl.bind_framebuffer(glow::DRAW_FRAMEBUFFER, Some(to.framebuffer));
             gl.blit_framebuffer(0, 0, width, height, 0, 0, width, height, glow::COLOR_BUFFER_BIT, glow::NEAREST);
             gl.finish();
-            match gl.get_error() {
-                glow::NO_ERROR => Ok(()),
-                error => Err(Error::Device(format!("OpenGL: copying: error {error:#06x}"))),
-            }
+            checked(gl, "copying")
         }
     }
 

@@ -3,7 +3,7 @@
 use bytemuck::Pod;
 use glow::{HasContext, PixelUnpackData};
 
-use super::{Functions, PixelBuffer};
+use super::{Functions, PixelBuffer, checked};
 use crate::census::{Counted, Kind};
 use crate::error::{Error, Result};
 use crate::layout::{Record, Shape, TEXEL};
@@ -143,10 +143,7 @@ impl TableTexture {
                     );
                 }
             }
-            match gl.get_error() {
-                glow::NO_ERROR => {}
-                error => return Err(Error::Device(format!("OpenGL: upload of {texels} texels: error {error:#06x}"))),
-            }
+            checked(gl, format!("upload of {texels} texels"))?;
         }
         self.uploads += 1;
         Ok(())

@@ -5,13 +5,16 @@
 //! table is written, in its new order, over the one that was written before it. The way back is the same, by the
 //! order that the sort leaves. `memory.rs` says what that comes to.
 
+use super::fullest::Fullest;
 use super::photon_map::{PhotonMap, Photons};
 use super::sort::{Scratch, Sort, share};
+use super::trace::draws::{cells_within, touched};
 use crate::cells::{Bounds, CellSize, Form, Plan, plan};
 use crate::cl::{Arg, Buffer, Context, Kernel, PART_ALIGNMENT};
 use crate::error::Result;
 use crate::gathering::Method;
 use crate::layout::{Face, Gather, Object, PhotonCell, PhotonDirection, PhotonPosition, PhotonPower, TEXEL};
+use crate::pace;
 use crate::source::{Options, assemble};
 
 /// A texel, whatever it holds.
@@ -29,6 +32,8 @@ pub struct Grid {
     pub faces: Buffer<Face>,
     /// Whole texels; `plan.cells + 1` entries count.
     pub cell_starts: Buffer<f32>,
+    /// Most photons of a cell; none where nobody has to know, as on CPUs.
+    pub fullest: Option<u64>,
     /// The photons; none where they stay as they were stored.
     pub sorted: Option<Sorted>,
     /// What takes the place of tables that there are not.
@@ -59,6 +64,7 @@ impl Grid {
             gather: Buffer::new(context, 1)?,
             faces: Buffer::new(context, 0)?,
             cell_starts: Buffer::new(context, 0)?,
+            fullest: None,
             sorted: None,
             nothing: Buffer::new(context, 0)?,
         })
@@ -79,6 +85,16 @@ impl Grid {
         };
         let [gather, records] = [Arg::from(&self.gather), Arg::from(&self.faces)];
         Some([gather, records, (&self.cell_starts).into(), cells, positions, powers, faces, directions])
+    }
+
+    /// About the most photons that one query looks at, where the fullest cell is known.
+    pub fn most_candidates(&self) -> Option<u64> {
+        let across = cells_within(&self.plan.gather);
+        let cells = match self.plan.hashed {
+            true => across * across * 2, // a face is seldom more than two cells thick
+            false => self.plan.faces.iter().map(|face| touched(face.counts, across)).max().unwrap_or(0),
+        };
+        Some((self.fullest? * cells).min(self.count as u64))
     }
 
     /// Bytes held on the device.
@@ -143,6 +159,7 @@ pub struct GridStage {
     kernels: [Option<Kernels>; 2],
     restore: Kernel,
     sort: Sort,
+    fullest: Fullest,
     bounds: Buffer<i32>,
     grid: Grid,
     /// Number that each sorted photon was stored under.
@@ -175,6 +192,7 @@ impl GridStage {
             bounds_kernel: context.kernel(&source, "grid_bounds")?,
             kernels: [None, None],
             sort: Sort::new(context)?,
+            fullest: Fullest::new(context)?,
             restore: context.kernel(&source, "grid_restore")?,
             bounds: Buffer::new(context, 0)?,
             grid: Grid::empty(context)?,
@@ -203,8 +221,8 @@ impl GridStage {
         Ok(&self.grid)
     }
 
-    /// Sorts a photon map into a grid, which takes over its memory. Only the faces' boxes are waited for; the queue is
-    /// in order.
+    /// Sorts a photon map into a grid, which takes over its memory. Only the faces' boxes and, on GPUs, the fullest cell
+    /// are waited for; the queue is in order.
     ///
     /// # Errors
     /// [`crate::error::Error::Usage`] when floats cannot count the photons or the cells that were asked for;
@@ -258,6 +276,10 @@ impl GridStage {
         // One place more than there are photons: it ends the last cell.
         context.launch(&kernels.starts, &args, &[(count + 1).div_ceil(per_item)], None)?;
         drop(scratch);
+        grid.fullest = match pace::cuts_all(context.device.is_gpu) {
+            true => Some(self.fullest.of(context, &grid.cell_starts, cells)?),
+            false => None,
+        };
 
         let order: Arg = (&self.order).into();
         let reorder = |from: Buffer<Texel>, to: Buffer<Texel>| -> Result<(Buffer<Texel>, Buffer<Texel>)> {

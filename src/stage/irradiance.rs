@@ -4,7 +4,7 @@
 use std::rc::Rc;
 
 use super::map::MapCounts;
-use super::paths::{self, Paths, Range};
+use super::paths::{Paths, Range};
 use crate::charts::Charts;
 use crate::cl::{Arg, Buffer, Context, Kernel};
 use crate::cpu;
@@ -145,7 +145,7 @@ impl IrradianceStage {
                     let stream = stream_of(emission.seed, emission.pass);
                     let mut args = scene.paths.args(&[Arg::from(&scene.charts)], &emitters, &range, stream);
                     args.extend([Arg::Uint(range.runs()), quanta.per_watt.into(), sums]);
-                    paths::launch(context, splat, &args, range.runs())?;
+                    scene.paths.launch(context, splat, &args, &range)?;
                 }
                 let texels = Arg::from(&scene.texels);
                 let areas = Arg::from(&scene.inverse_areas);

@@ -106,14 +106,15 @@ impl Paths {
         ]);
         args
     }
-}
 
-/// Launches one work-item for each `lanes` runs.
-///
-/// # Errors
-/// [`crate::error::Error::Device`] when the launch is refused.
-pub fn launch(context: &Context, kernel: &Kernel, args: &[Arg], runs: u32) -> Result<()> {
-    let items = runs.div_ceil(context.device.lanes) as usize;
-    let local = if context.device.lanes == 1 { 128 } else { 1 };
-    context.launch_paced(kernel, args, &[items], Some(&[local]))
+    /// Launches one work-item for each `lanes` runs of a range.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Device`] when the launch is refused.
+    pub fn launch(&self, context: &Context, kernel: &Kernel, args: &[Arg], range: &Range) -> Result<()> {
+        let items = range.runs().div_ceil(context.device.lanes) as usize;
+        let local = if context.device.lanes == 1 { 128 } else { 1 };
+        kernel.pace.expect(self.objects.len() as f64 * f64::from(range.length));
+        context.launch_paced(kernel, args, &[items], Some(&[local]))
+    }
 }

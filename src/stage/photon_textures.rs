@@ -5,6 +5,7 @@ use bytemuck::Pod;
 use super::grid::{Grid, Sorted};
 use super::photon_map::Photons;
 use super::tiles::Tiles;
+use super::trace::draws::{cells_across, touched};
 use crate::cells::Plan;
 use crate::cl::{Buffer, Context};
 use crate::cpu::grid::{GridTables, PhotonTables, face_of};
@@ -25,7 +26,7 @@ pub struct PhotonTextures {
     gather: Gather,
     /// Bound on the candidates of any query, for drivers that end long loops.
     pub most_candidates: u64,
-    /// Whether anybody asks for `most_candidates`: it takes the cells to the host.
+    /// Whether `most_candidates` has to be met exactly: that takes the cells to the host.
     is_bounded: bool,
     pixels: PixelBuffer,
 }
@@ -118,11 +119,12 @@ impl PhotonTextures {
         let count = grid.count;
         self.tables[0].fill(&grid.plan.faces)?;
         self.copy(1, context, &grid.cell_starts, (grid.plan.cells + 1).div_ceil(TEXEL))?;
-        self.most_candidates = if self.is_bounded {
-            let most = |starts: &[f32]| Ok(most_candidates(&grid.plan, starts, count as u64));
-            grid.cell_starts.mapped(context, grid.plan.cells + 1, most)?
-        } else {
-            count as u64
+        self.most_candidates = match grid.most_candidates() {
+            Some(most) if !self.is_bounded => most,
+            _ => {
+                let most = |starts: &[f32]| Ok(most_candidates(&grid.plan, starts, count as u64));
+                grid.cell_starts.mapped(context, grid.plan.cells + 1, most)?
+            }
         };
         if let Some(cells) = cells {
             self.copy(2, context, cells, count)?;
@@ -138,6 +140,9 @@ impl PhotonTextures {
     /// As [`PhotonTextures::fill`].
     pub fn fill_tiles(&mut self, context: &Context, tiles: &Tiles) -> Result<()> {
         self.gather = tiles.plan.gather;
+        if let (Some(most), false) = (tiles.most_candidates(), self.is_bounded) {
+            self.most_candidates = most;
+        }
         self.copy(1, context, &tiles.cell_starts, (tiles.plan.cells + 1).div_ceil(3))?;
         self.tables[7].fill(&tiles.plan.tiles)?;
         self.tables[8].fill(&tiles.plan.regions)?;
@@ -208,15 +213,6 @@ fn whole_texels(mut list: Vec<f32>) -> Vec<f32> {
     list
 }
 
-/// Cells along an axis that a query's ball can touch.
-pub fn cells_across(gather: &Gather) -> u64 {
-    let smallest = gather.cell.into_iter().fold(f32::INFINITY, f32::min);
-    if smallest <= 0.0 {
-        return 8; // tiles have cells of their own, of R/2 or larger
-    }
-    2 * (1.001 * gather.radius / smallest).ceil().min(1e6) as u64 + 2
-}
-
 /// A bound on the photons that one query looks at: the fullest cell's, for all cells that its ball can touch.
 fn most_candidates(plan: &Plan, cell_starts: &[f32], photons: u64) -> u64 {
     let across = cells_across(&plan.gather);
@@ -229,8 +225,7 @@ fn most_candidates(plan: &Plan, cell_starts: &[f32], photons: u64) -> u64 {
     let of_face = |face: &Face| {
         let [u, v, w] = face.counts.map(|count| count as u64);
         let base = face.base as usize;
-        let touched = u.min(across) * v.min(across) * w.min(across);
-        fullest(base..base + (u * v * w) as usize) * touched
+        fullest(base..base + (u * v * w) as usize) * touched(face.counts, across)
     };
     plan.faces.iter().map(of_face).max().unwrap_or(0).min(photons)
 }

@@ -10,7 +10,7 @@ use crate::features::Features;
 use crate::layout::{Emitter, MAX_EXACT_INDEX};
 use crate::pack::Packed;
 use crate::source::{Options, assemble};
-use crate::stage::paths::{self, Paths, Range};
+use crate::stage::paths::{Paths, Range};
 use crate::stage::photon_map::PhotonMap;
 use crate::stage::recorder::Recorder;
 use crate::stage::scan::Scan;
@@ -179,7 +179,7 @@ impl Pass<'_> {
         }
         let mut args = self.scene.args(&[], emitters, &range, self.stream);
         args.extend([Arg::from(&offsets), runs.into()]);
-        paths::launch(self.context, self.count, &args, runs)?;
+        self.scene.launch(self.context, self.count, &args, &range)?;
         self.scan.exclusive(self.context, &offsets, padded + 1)?;
         let stored = offsets.get(self.context, padded)?;
         Ok(Runs { offsets, range, stored })
@@ -191,7 +191,7 @@ impl Pass<'_> {
         args.extend([Arg::from(&runs.offsets), runs.range.runs().into(), Arg::Uint(map.stored as u32)]);
         args.extend([Arg::from(&map.positions), (&map.powers).into(), (&map.faces).into()]);
         args.extend(map.directions.as_ref().map(Arg::from));
-        paths::launch(self.context, kernel, &args, runs.range.runs())
+        self.scene.launch(self.context, kernel, &args, &runs.range)
     }
 
     /// How many paths it takes to store `wanted` photons: batch after batch until they are there; then the run, and

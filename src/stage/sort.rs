@@ -116,7 +116,15 @@ impl Sort {
         for pass in 0..passes {
             let (to, shift) = (1 - from, (pass * self.digit_bits) as i32);
             let (count_arg, per_item_arg) = ((count as i32).into(), (per_item as i32).into());
-            let args = [(&scratch.keys[from]).into(), (&scratch.places).into(), count_arg, per_item_arg, shift.into()];
+            let items_arg = (items as i32).into();
+            let args = [
+                (&scratch.keys[from]).into(),
+                (&scratch.places).into(),
+                count_arg,
+                per_item_arg,
+                shift.into(),
+                items_arg,
+            ];
             context.launch(&self.count, &args, &[items], None)?;
             self.scan.exclusive(context, &scratch.places, items << self.digit_bits)?;
             let args = [
@@ -129,6 +137,7 @@ impl Sort {
                 per_item_arg,
                 shift.into(),
                 i32::from(pass == 0).into(),
+                items_arg,
             ];
             context.launch(&self.scatter, &args, &[items], None)?;
             from = to;

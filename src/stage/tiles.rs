@@ -1,15 +1,18 @@
 //! Tiles: a camera's view and photons as stored in, lists of photons by tile out. All on the device but for the boxes
 //! of what tiles see, seven numbers each, from which the host lays the regions out.
 
+use super::fullest::Fullest;
 use super::grid::fit;
 use super::photon_map::Photons;
 use super::scan::Scan;
 use super::sort::{Scratch, Sort, share};
+use super::trace::draws::{cells_within, touched};
 use crate::cells::Bounds;
 use crate::cl::{Arg, Buffer, Context, Kernel};
 use crate::error::Result;
 use crate::features::Features;
 use crate::layout::{Frame, Gather, Light, Object, PhotonDirection, Region, TEXEL, Tile};
+use crate::pace;
 use crate::pack::Packed;
 use crate::source::{Options, assemble};
 use crate::tiling::{Plan, Seen, Wanted, check_pairs, plan, tiles_of};
@@ -30,6 +33,8 @@ pub struct Tiles {
     pub cell_starts: Buffer<f32>,
     /// Whole texels; `pairs` entries count.
     pub tile_photons: Buffer<f32>,
+    /// Most entries of a cell; none where nobody has to know, as on CPUs.
+    pub fullest: Option<u64>,
     /// What takes the place of directions where no photon has one.
     no_directions: Buffer<PhotonDirection>,
 }
@@ -44,6 +49,7 @@ impl Tiles {
             regions: Buffer::new(context, 0)?,
             cell_starts: Buffer::new(context, 0)?,
             tile_photons: Buffer::new(context, 0)?,
+            fullest: None,
             no_directions: Buffer::new(context, 0)?,
         })
     }
@@ -61,6 +67,15 @@ impl Tiles {
             stored.faces.into(),
             stored.directions.unwrap_or(&self.no_directions).into(),
         ]
+    }
+
+    /// About the most entries that one query looks at, where the fullest cell is known.
+    pub fn most_candidates(&self) -> Option<u64> {
+        let photons = self.plan.gather.photon_count as u64;
+        let across = cells_within(&self.plan.gather);
+        let cells = self.plan.regions.iter().map(|region| touched(region.counts, across)).max().unwrap_or(0);
+        // A point that its tile does not know asks the whole map: few do, so that may take thrice as long.
+        Some((self.fullest? * cells).max(photons / 3).min(photons))
     }
 
     /// Bytes held on the device.
@@ -85,6 +100,9 @@ pub struct TileStage {
     starts: Kernel,
     scan: Scan,
     sort: Sort,
+    fullest: Fullest,
+    /// What lists were last made for: count and fill take another time for others.
+    paced_for: Option<Wanted>,
     scratch: Scratch,
     objects: Buffer<Object>,
     lights: Buffer<Light>,
@@ -118,6 +136,8 @@ impl TileStage {
             starts: context.kernel(&grid, "grid_starts")?,
             scan: Scan::new(context)?,
             sort: Sort::new(context)?,
+            fullest: Fullest::new(context)?,
+            paced_for: None,
             scratch: Scratch::empty(context)?,
             objects: Buffer::new(context, 0)?,
             lights: Buffer::new(context, 0)?,
@@ -185,6 +205,7 @@ impl TileStage {
                 (strip[1] as i32).into(),
                 (slots as i32).into(),
             ];
+            kernel.pace.expect((strip[0] * strip[1]) as f64 * samples as f64 * self.objects.len() as f64);
             context.launch(kernel, &args, &[work_items], None)?;
             let mut counts = vec![0; work_items];
             self.seen_counts.read(context, &mut counts)?;
@@ -223,6 +244,10 @@ impl TileStage {
     ) -> Result<&Tiles> {
         let seen = self.seen(context, frame, wanted.tile)?;
         let plan = plan(objects, frame, seen, photons.count, wanted)?;
+        if self.paced_for.replace(*wanted).is_some_and(|last| last != *wanted) {
+            self.count.pace.forget();
+            self.fill.pace.forget();
+        }
         self.fill(context, plan, frame, photons)
     }
 
@@ -282,6 +307,10 @@ impl TileStage {
         let order: Arg = (&self.scratch.values[sorted]).into();
         let args = [order, (&self.pair_photons).into(), (&tiles.tile_photons).into(), tail[0], tail[1]];
         context.launch(&self.photons, &args, &[items], None)?;
+        tiles.fullest = match pace::cuts_all(context.device.is_gpu) {
+            true => Some(self.fullest.of(context, &tiles.cell_starts, plan.cells)?),
+            false => None,
+        };
         tiles.plan = plan;
         tiles.pairs = pairs;
         Ok(&self.tiles)

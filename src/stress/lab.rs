@@ -134,7 +134,7 @@ impl Lab {
                 (first as i32).into(),
                 (here as i32).into(),
             ];
-            context.launch(&kernel, &args, &[here.div_ceil(lanes as usize)], None)?;
+            context.launch_paced(&kernel, &args, &[here.div_ceil(lanes as usize)], None)?;
             answers.extend(words.to_vec(context)?);
         }
         Ok(answers)

@@ -22,6 +22,7 @@ mod exact;
 mod intersection;
 mod lab;
 mod leaks;
+mod long;
 mod offset;
 mod random;
 mod special;
@@ -44,14 +45,23 @@ pub enum Suite {
     Estimator,
     /// Random numbers: the same everywhere, evenly spread, independent.
     Random,
+    /// Ten thousand passes, summed up where renders and windows do; passes at another time.
+    Long,
     /// Special values through the whole pipeline.
     Special,
 }
 
 impl Suite {
     /// In the order in which they run.
-    pub const ALL: [Suite; 6] =
-        [Suite::Intersection, Suite::Leaks, Suite::Offset, Suite::Estimator, Suite::Random, Suite::Special];
+    pub const ALL: [Suite; 7] = [
+        Suite::Intersection,
+        Suite::Leaks,
+        Suite::Offset,
+        Suite::Estimator,
+        Suite::Random,
+        Suite::Long,
+        Suite::Special,
+    ];
 
     /// As users write it.
     pub fn name(self) -> &'static str {
@@ -61,6 +71,7 @@ impl Suite {
             Suite::Offset => "offset",
             Suite::Estimator => "estimator",
             Suite::Random => "random",
+            Suite::Long => "long",
             Suite::Special => "special",
         }
     }
@@ -76,6 +87,7 @@ impl Suite {
             Suite::Offset => offset::run(bench),
             Suite::Estimator => estimator::run(bench),
             Suite::Random => random::run(bench),
+            Suite::Long => long::run(bench),
             Suite::Special => special::run(bench),
         }
     }
@@ -97,19 +109,25 @@ pub enum Fault {
     RoundedUp,
     /// Two dimensions share their numbers.
     SharedNumbers,
+    /// Sums are kept in float32.
+    SingleSums,
+    /// A pass has the numbers of the one before when it is rendered later.
+    ShiftedPass,
     /// A pixel that is no number.
     NotANumber,
 }
 
 impl Fault {
     /// All of them.
-    pub const ALL: [Fault; 7] = [
+    pub const ALL: [Fault; 9] = [
         Fault::NaiveSphere,
         Fault::FixedEpsilon,
         Fault::WorldCoordinates,
         Fault::LostPhoton,
         Fault::RoundedUp,
         Fault::SharedNumbers,
+        Fault::SingleSums,
+        Fault::ShiftedPass,
         Fault::NotANumber,
     ];
 
@@ -121,6 +139,7 @@ impl Fault {
             Fault::WorldCoordinates => Suite::Offset,
             Fault::LostPhoton => Suite::Estimator,
             Fault::RoundedUp | Fault::SharedNumbers => Suite::Random,
+            Fault::SingleSums | Fault::ShiftedPass => Suite::Long,
             Fault::NotANumber => Suite::Special,
         }
     }
@@ -134,6 +153,8 @@ impl Fault {
             Fault::LostPhoton => "lost-photon",
             Fault::RoundedUp => "rounded-up",
             Fault::SharedNumbers => "shared-numbers",
+            Fault::SingleSums => "single-sums",
+            Fault::ShiftedPass => "shifted-pass",
             Fault::NotANumber => "not-a-number",
         }
     }

@@ -3,7 +3,7 @@
 use super::{Bench, Fault, Found, Row, Spread, Suite};
 use crate::error::{Error, Result};
 use crate::scene::parse;
-use crate::settings::{Amount, LightMode, Settings};
+use crate::settings::{Amount, FinalGather, LightMode, Settings, Technique};
 
 /// A scene with a hole: what each case puts there.
 struct Parts {
@@ -109,20 +109,24 @@ enum End {
 
 pub(super) fn run(bench: &mut Bench) -> Result<Found> {
     let (width, height) = bench.options.by_size((16, 12), (16, 12), (64, 48));
-    let modes: &[LightMode] = bench.options.by_size(
-        &[LightMode::Hybrid],
-        &[LightMode::Hybrid, LightMode::Photons],
-        &[LightMode::Hybrid, LightMode::Photons, LightMode::Direct],
-    );
+    let gather = Technique::FinalGather(FinalGather { rays: 8, ..FinalGather::default() });
+    let all = [
+        (LightMode::Hybrid, Technique::Map),
+        (LightMode::Photons, Technique::Map),
+        (LightMode::Hybrid, gather),
+        (LightMode::Direct, Technique::Map),
+    ];
+    let modes = &all[..bench.options.by_size(1, 3, 4)];
     let every = bench.options.by_size(11, 3, 1);
     let mut found = Found::default();
     for backend in bench.backends() {
         let mut pipeline = bench.pipeline(backend)?;
         let (mut pixels, mut bad, mut refused, mut worst) = (0, 0, 0u64, String::new());
         for (name, parts) in cases().into_iter().step_by(every) {
-            for light in modes {
+            for (light, technique) in modes {
                 bench.step(&format!("special: {name}, {}", backend.name()));
-                let mut settings = Settings { width, height, light: *light, ..Settings::default() };
+                let mut settings =
+                    Settings { width, height, light: *light, technique: *technique, ..Settings::default() };
                 settings.photons.amount = Amount::Paths(bench.options.by_size(500, 1_000, 10_000));
                 settings.gather.radius = parts.radius;
                 let end = match parse(&text(&parts), name) {
@@ -145,14 +149,17 @@ pub(super) fn run(bench: &mut Bench) -> Result<Found> {
                     End::Picture(wrong, of) => {
                         (bad, pixels) = (bad + wrong, pixels + of);
                         if wrong > 0 && worst.is_empty() {
-                            worst = format!(", first in '{name}' ({light:?})");
+                            worst = format!(", first in '{name}' ({light:?}, {technique:?})");
                         }
                     }
                 }
             }
         }
-        let case =
-            format!("{} scenes, {} light modes, {refused} refused{worst}", cases().len().div_ceil(every), modes.len());
+        let case = format!(
+            "{} scenes, {} ways of light, {refused} refused{worst}",
+            cases().len().div_ceil(every),
+            modes.len()
+        );
         let (measure, spread) = ("pixels not finite or negative", Spread::events(bad, pixels));
         found.rows.push(Row::new(Suite::Special, case, backend, measure, spread, 0.0));
     }

@@ -95,7 +95,9 @@ fn on_device(
     let film = Buffer::<[f32; 3]>::new(context, WIDTH * HEIGHT).unwrap();
     let mut args: Vec<Arg> = vec![(&frame).into(), (&objects).into(), (&lights).into()];
     args.extend(grid.args(stored.as_ref(), gathering.method).unwrap());
-    let film_args: [Arg; 3] = [(&film).into(), (WIDTH as i32).into(), (HEIGHT as i32).into()];
+    // As many bands as rows, one after the other: uncut.
+    let [width, bands] = [WIDTH, HEIGHT].map(|n| Arg::Int(n as i32));
+    let film_args: [Arg; 5] = [(&film).into(), width, bands, bands, Arg::Int(1)];
     args.extend(film_args);
     // More work-items than any block size needs: the kernel drops the surplus.
     context.launch(&kernel, &args, &[WIDTH, HEIGHT], None).unwrap();

@@ -136,7 +136,8 @@ fn timings() {
                 let kernel = context.kernel(&source, "trace").unwrap();
                 let mut args: Vec<Arg> = vec![(&frame_buffer).into(), (&objects).into(), (&lights).into()];
                 args.extend(grid.args(None, gathering.method).unwrap());
-                let film_args: [Arg; 3] = [(&film).into(), (WIDTH as i32).into(), (HEIGHT as i32).into()];
+                let [width, bands] = [WIDTH, HEIGHT].map(|n| Arg::Int(n as i32));
+                let film_args: [Arg; 5] = [(&film).into(), width, bands, bands, Arg::Int(1)];
                 args.extend(film_args);
                 let (columns, rows) = if lanes == 16 { (4, 4) } else { (1, 1) };
                 let (median, least) = time(9, || {

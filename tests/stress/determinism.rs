@@ -4,7 +4,7 @@ use photile::film::Image;
 use photile::metrics::{self, measure};
 use photile::pace;
 use photile::pipeline::{Machine, Pipeline};
-use photile::settings::{Amount, Backend, Method, Settings};
+use photile::settings::{Amount, Backend, FinalGather, Method, Settings, Technique};
 
 use super::one_at_a_time;
 use crate::common::{backends, render, shipped};
@@ -65,7 +65,75 @@ fn cutting_does_not_show_and_bounds_what_a_submission_takes() {
         let cut = render(&mut fresh, &scene, &wanted);
         pace::set_aim(0.0);
         assert!(bits(&cut) == bits(&whole), "{}", pipeline.backend.name());
-        assert!(pace::longest() > 0.0 || pipeline.backend == Backend::Cpu, "nothing was paced");
+        assert!(pace::longest().0 > 0.0 || pipeline.backend == Backend::Cpu, "nothing was paced");
+    }
+}
+
+/// Lets every kernel be cut, as on a GPU, until it is dropped.
+struct Everywhere;
+
+impl Everywhere {
+    fn new() -> Everywhere {
+        pace::set_everywhere(true);
+        Everywhere
+    }
+}
+
+impl Drop for Everywhere {
+    fn drop(&mut self) {
+        pace::set_everywhere(false);
+        pace::set_aim(0.0);
+    }
+}
+
+#[test]
+fn every_kernel_may_be_cut() {
+    let _one = one_at_a_time();
+    let scene = shipped("gi_ref");
+    let gather = Technique::FinalGather(FinalGather { rays: 8, ..FinalGather::default() });
+    for backend in [Backend::OpenCl, Backend::OpenGl] {
+        for (method, technique) in [
+            (Method::Grid, Technique::Map),
+            (Method::Tiles, Technique::Map),
+            (Method::TiledGrid, Technique::Map),
+            (Method::Grid, gather),
+        ] {
+            // Enough photons for the scan to have two levels, and for the sort to have more than one work-item.
+            let mut wanted = Settings { technique, ..settings(method) };
+            wanted.photons.amount = Amount::Paths(20_000);
+            let Some(mut pipeline) = crate::common::open(backend) else { continue };
+            let whole = render(&mut pipeline, &scene, &wanted);
+            let _everywhere = Everywhere::new();
+            pace::set_aim(0.001);
+            let mut fresh = crate::common::open(backend).unwrap();
+            let cut = render(&mut fresh, &scene, &wanted);
+            // Once more: now it is known how long everything takes.
+            let again = render(&mut fresh, &scene, &Settings { seed: 6, ..wanted.clone() });
+            let once_more = render(&mut fresh, &scene, &wanted);
+            assert!(bits(&cut) == bits(&whole), "{backend:?} {method:?} {technique:?}");
+            assert!(bits(&once_more) == bits(&whole) && bits(&again) != bits(&whole), "{backend:?} {method:?}");
+        }
+    }
+}
+
+#[test]
+fn a_picture_cut_within_its_pixels_is_the_same_but_for_the_order_of_sums() {
+    let _one = one_at_a_time();
+    let scene = shipped("gi_ref");
+    let Some(mut pipeline) = crate::common::open(Backend::OpenCl) else { return };
+    for (method, radius) in [(Method::Grid, 8.0), (Method::Brute, 1.0), (Method::Tiles, 8.0)] {
+        // More photons in a disc than a GPU's work-item may look at.
+        let mut wanted = Settings { width: 16, height: 12, samples: 3, ..settings(method) };
+        wanted.photons.amount = Amount::Paths(400_000);
+        wanted.gather.radius = Some(radius);
+        let whole = render(&mut pipeline, &scene, &wanted);
+        let _everywhere = Everywhere::new();
+        let mut fresh = crate::common::open(Backend::OpenCl).unwrap();
+        let cut = render(&mut fresh, &scene, &wanted);
+        assert!(bits(&cut) != bits(&whole), "{method:?}: nothing was cut");
+        let bound = metrics::Within { abs: 1e-6, rel: 1e-5 }; // sums of 10⁵ terms in another order
+        let over = cut.pixels.iter().zip(&whole.pixels).filter(|(a, b)| bound.apart(**a, **b)).count();
+        assert_eq!(over, 0, "{method:?}");
     }
 }
 

@@ -2,12 +2,14 @@
 
 use std::rc::Rc;
 
+use super::draws::{self, Draws, Query};
 use super::{Indirect, Permutation, Trace, check_count, out_of_order};
 use crate::cl::{Arg, Buffer, Context, Kernel};
 use crate::error::Result;
 use crate::film::Image;
 use crate::gathering::Gathering;
-use crate::layout::{Frame, Light, LitPoint, Object, Site, SiteLattice, SiteSurface};
+use crate::layout::{Frame, Gather, Light, LitPoint, Object, Site, SiteLattice, SiteSurface};
+use crate::pace;
 use crate::pack::Packed;
 use crate::source::{Options, assemble};
 use crate::stage::irradiance::IrradianceView;
@@ -20,6 +22,10 @@ pub struct ClTrace {
     lights: Option<Buffer<Light>>,
     frame: Buffer<Frame>,
     film: Option<(u32, u32, Buffer<[f32; 3]>)>,
+    /// Of a picture that is cut within its pixels: a part of it.
+    part: Option<Buffer<[f32; 3]>>,
+    /// Of a picture that is cut within its queries: which slice of the candidates they gather.
+    slice: Buffer<Gather>,
     lattice: Buffer<SiteLattice>,
     points: Option<Buffer<LitPoint>>,
     sites: Option<(Buffer<Site>, Buffer<SiteSurface>)>,
@@ -31,8 +37,28 @@ struct Compiled {
     permutation: Permutation,
     lanes: u32,
     kernel: Kernel,
+    /// Traces slices, and adds them up: built when a picture has to be cut within its pixels.
+    sliced: Option<[Kernel; 2]>,
     /// Gathers the sites, where pixels take irradiance from these.
     sites: Option<Kernel>,
+}
+
+/// Rows of blocks that are traced together, as in `trace.cl`.
+const BAND: u32 = 8;
+
+impl Compiled {
+    fn build_sliced(&mut self, context: &Context) -> Result<()> {
+        if self.sliced.is_none() {
+            let mut defines = self.permutation.defines();
+            // Without queries there are only samples to share out.
+            let slices = if self.permutation.gathering.is_some() { "SLICED" } else { "PARTS" };
+            defines.push(slices.into());
+            let options = Options { lanes: self.lanes, defines, ..Options::default() };
+            let source = assemble("trace.cl", Some(&self.permutation.features), &options);
+            self.sliced = Some([context.kernel(&source, "trace")?, context.kernel(&source, "trace_add")?]);
+        }
+        Ok(())
+    }
 }
 
 impl ClTrace {
@@ -41,9 +67,30 @@ impl ClTrace {
     /// # Errors
     /// [`crate::error::Error::Device`] when the device has no room.
     pub fn new(context: Rc<Context>) -> Result<ClTrace> {
-        let (frame, lattice) = (Buffer::new(&context, 1)?, Buffer::new(&context, 1)?);
-        let (objects, lights, film, points, sites, active) = Default::default();
-        Ok(ClTrace { context, objects, lights, frame, film, lattice, points, sites, active })
+        let (frame, lattice, slice) = (Buffer::new(&context, 1)?, Buffer::new(&context, 1)?, Buffer::new(&context, 1)?);
+        let (objects, lights, film, part, points, sites, active) = Default::default();
+        Ok(ClTrace { context, objects, lights, frame, film, part, slice, lattice, points, sites, active })
+    }
+
+    /// How a picture is cut within its pixels: on CPUs, where nothing has to be, never.
+    fn draws(&self, frame: &Frame, indirect: &Indirect) -> Result<Draws> {
+        let gathering = self.active.as_ref().and_then(|active| active.permutation.gathering);
+        let query = match (indirect, gathering) {
+            (Indirect::Map(MapView::Device { grid, tiles, .. }), Some(gathering)) => {
+                let method = gathering.method;
+                let tiles = tiles.filter(|_| method.is_tiled());
+                let plan = tiles.map_or(&grid.plan.gather, |tiles| &tiles.plan.gather);
+                let known = match tiles {
+                    Some(tiles) => tiles.most_candidates(),
+                    None if method.reads_stored() => Some(grid.count as u64),
+                    None => grid.most_candidates(),
+                };
+                known.map(|candidates| Query { method, across: draws::cells_across(plan), candidates })
+            }
+            _ => None,
+        };
+        let rounds = pace::cuts_all(self.context.device.is_gpu).then_some(draws::GPU);
+        Draws::within(rounds, frame, indirect, query)
     }
 }
 
@@ -64,7 +111,7 @@ impl Trace for ClTrace {
             }
             _ => None,
         };
-        self.active = Some(Compiled { permutation: *permutation, lanes, kernel, sites });
+        self.active = Some(Compiled { permutation: *permutation, lanes, kernel, sliced: None, sites });
         Ok(())
     }
 
@@ -76,10 +123,6 @@ impl Trace for ClTrace {
     }
 
     fn upload_map(&mut self, _map: &MapView, _gathering: &Gathering) -> Result<u64> {
-        // Another radius or another number of photons: what pixels took says little.
-        if let Some(active) = &self.active {
-            active.kernel.pace.forget();
-        }
         Ok(0) // it lies on the device already
     }
 
@@ -89,6 +132,10 @@ impl Trace for ClTrace {
             self.film = Some((width, height, Buffer::new(&self.context, width as usize * height as usize)?));
         }
         self.frame.write(&self.context, std::slice::from_ref(frame))?;
+        let draws = self.draws(frame, &indirect)?;
+        if let (Some(active), false) = (&mut self.active, draws.is_whole(frame)) {
+            active.build_sliced(&self.context)?;
+        }
         let (Some(active), Some(objects), Some(lights), Some((_, _, film))) =
             (&self.active, &self.objects, &self.lights, &self.film)
         else {
@@ -128,17 +175,58 @@ impl Trace for ClTrace {
                     own.push((count as i32).into());
                     let local = if active.lanes == 1 { 64 } else { 8 };
                     let items = count.div_ceil(active.lanes as usize);
+                    kernel.pace.expect(draws::site_work(frame, lattice));
                     self.context.launch(kernel, &own, &[items], Some(&[local]))?;
                     args.extend(tables);
                 }
             }
             _ => return Err(out_of_order("OpenCL")),
         }
-        args.extend([Arg::from(film), (width as i32).into(), (height as i32).into()]);
         let (columns, rows) = block(active.lanes);
-        let blocks = [width.div_ceil(columns) as usize, height.div_ceil(rows) as usize];
+        let bands = height.div_ceil(rows * BAND);
+        let blocks = [width.div_ceil(columns) as usize, (bands * BAND) as usize];
+        let context = &self.context;
         // 8 × 8 blocks a work-group: enough to share out, small enough that the last ones do not idle.
-        self.context.launch_paced(&active.kernel, &args, &blocks, Some(&[8, 8]))
+        let local = [8, BAND as usize];
+        let gather = match indirect {
+            Indirect::Map(MapView::Device { tiles: Some(tiles), .. })
+                if active.permutation.gathering.is_some_and(|gathering| gathering.method.is_tiled()) =>
+            {
+                Some(tiles.plan.gather)
+            }
+            Indirect::Map(MapView::Device { grid, .. }) => Some(grid.plan.gather),
+            _ => None,
+        };
+        let trace = |kernel: &Kernel, mut args: Vec<Arg>, frame: &Frame, film: &Buffer<[f32; 3]>| {
+            kernel.pace.expect(f64::from(width) * draws::work(frame, &indirect, gather.as_ref()));
+            // What is not cut goes on from a row to the next.
+            let stride = if kernel.pace.fits(blocks[1]) { 1 } else { pace::stride(bands as usize) };
+            let [width, height, bands, stride] = [width, height, bands, stride as u32].map(|n| Arg::Int(n as i32));
+            args.extend([Arg::from(film), width, height, bands, stride]);
+            context.launch_paced(kernel, &args, &blocks, Some(&local))
+        };
+        let Some([sliced, add]) = active.sliced.as_ref().filter(|_| !draws.is_whole(frame)) else {
+            return trace(&active.kernel, args, frame, film);
+        };
+        if gather.is_some() {
+            args[3] = (&self.slice).into(); // the map's own arguments follow the scene's, this one first
+        }
+        let part = match &mut self.part {
+            Some(part) if part.len() >= film.len() => part,
+            none => none.insert(Buffer::new(context, film.len())?),
+        };
+        for (number, (frame, weight, slice)) in draws.parts(frame).enumerate() {
+            self.frame.write(context, &[frame])?;
+            if let Some(gather) = gather {
+                let slices = draws.slices as f32;
+                self.slice.write(context, &[Gather { slice: slice as f32, slices, ..gather }])?;
+            }
+            trace(sliced, args.clone(), &frame, part)?;
+            let floats = 3 * film.len();
+            let [count, is_first] = [floats as i32, i32::from(number == 0)].map(Arg::Int);
+            context.launch(add, &[(&*part).into(), film.into(), count, weight.into(), is_first], &[floats], None)?;
+        }
+        Ok(())
     }
 
     fn read(&mut self) -> Result<Image> {

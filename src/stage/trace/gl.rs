@@ -3,12 +3,13 @@
 use std::collections::HashMap;
 use std::rc::Rc;
 
+use super::draws::{self, Draws, Query, Rounds};
 use super::gl_final::FinalTextures;
 use super::{Indirect, Pause, Permutation, Trace, check_count, out_of_order};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::features::Features;
 use crate::film::Image;
-use crate::gathering::{Gathering, Method};
+use crate::gathering::Gathering;
 use crate::gl::{Functions, Program, TableTexture, Target};
 use crate::lattice::FinalPass;
 use crate::layout::{Frame, Light, Object, Record, TEXTURE_WIDTH_LOG2};
@@ -16,7 +17,7 @@ use crate::pack::Packed;
 use crate::source::{Options, assemble};
 use crate::stage::irradiance::IrradianceView;
 use crate::stage::map::MapView;
-use crate::stage::photon_textures::{PhotonTextures, cells_across};
+use crate::stage::photon_textures::PhotonTextures;
 
 /// A fragment shader on a full-screen quad.
 pub struct GlTrace {
@@ -33,15 +34,12 @@ pub struct GlTrace {
     /// Programs that draw sites.
     site_programs: HashMap<Features, Program>,
     active: Option<Permutation>,
-    /// Loop rounds that the driver grants a fragment.
-    rounds: Option<u64>,
+    /// Loop rounds of a fragment.
+    rounds: Rounds,
     /// Called between bands of rows.
     pause: Option<Pause>,
     stopped: bool,
 }
-
-/// llvmpipe ends a shader's loops, all of them together, after 65,535 rounds; some are left for small loops.
-const LLVMPIPE_ROUNDS: u64 = 60_000;
 
 impl GlTrace {
     /// Samplers of `trace.frag` in the order of the texture units: the photon map's, then the scene's, which a small
@@ -51,7 +49,7 @@ impl GlTrace {
     /// On the current context; software rasterisers grant a fragment only so many loop rounds.
     ///
     /// # Errors
-    /// [`Error::Device`] when the driver gives no textures.
+    /// [`crate::error::Error::Device`] when the driver gives no textures.
     pub fn new(gl: &Functions, is_software: bool) -> Result<GlTrace> {
         Ok(GlTrace {
             gl: gl.clone(),
@@ -64,19 +62,11 @@ impl GlTrace {
             programs: HashMap::new(),
             site_programs: HashMap::new(),
             active: None,
-            rounds: is_software.then_some(LLVMPIPE_ROUNDS),
+            rounds: if is_software { draws::LLVMPIPE } else { draws::GPU },
             pause: None,
             stopped: false,
         })
     }
-}
-
-/// How a picture is cut into draws.
-struct Draws {
-    /// Samples of a draw.
-    samples: u64,
-    /// Parts that the candidates of a query are gathered in.
-    slices: u64,
 }
 
 impl GlTrace {
@@ -118,40 +108,17 @@ impl GlTrace {
     /// Draws short enough for the driver.
     ///
     /// # Errors
-    /// [`Error::Device`] when a single sample is too long.
+    /// [`crate::error::Error::Device`] when a single sample is too long.
     fn draws(&self, frame: &Frame, indirect: &Indirect) -> Result<Draws> {
-        let samples = frame.samples as u64;
-        let Some(granted) = self.rounds else { return Ok(Draws { samples, slices: 1 }) };
-        let (objects, lights) = ((frame.sphere_count + frame.plane_count) as u64, frame.light_count as u64);
-        // Closest hit, the planes' sides, a shadow ray a light, the clipped disc's planes twice; 32 bits of a Sobol'
-        // number.
-        let mut fixed = objects * (4 + lights) + lights + 64;
-        let mut candidates = 0;
-        if let Indirect::Final(_, FinalPass { lattice, .. }) = indirect {
-            fixed += lattice.rays.max(lattice.own_rays) as u64 * (objects * (2 + lights) + lights + 1);
-            fixed += lattice.points as u64 * (objects + 1);
-        }
-        if let Indirect::Map(_) = indirect {
-            let across = cells_across(self.photons.gather());
-            fixed += across * (2 * across + 1);
-            candidates = self.photons.most_candidates;
-            candidates += candidates / 256; // blocks of sums
-        }
-        let knn = self.active.and_then(|a| a.gathering).is_some_and(|g| g.method == Method::Knn);
-        if knn {
-            // A candidate may go down the heap; a heap cannot be filled in slices.
-            fixed += candidates * 9;
-            candidates = 0;
-        }
-        let Some(left) = granted.checked_sub(fixed).filter(|left| *left > 0) else {
-            return Err(Error::Device(format!(
-                "OpenGL: a sample of this picture takes up to {fixed} loop rounds, and this software driver ends loops \
-                 after {granted}: take --backend opencl, or fewer photons or a smaller radius"
-            )));
+        let query = match (indirect, self.active.and_then(|active| active.gathering)) {
+            (Indirect::Map(_), Some(gathering)) => Some(Query {
+                method: gathering.method,
+                across: draws::cells_across(self.photons.gather()),
+                candidates: self.photons.most_candidates,
+            }),
+            _ => None,
         };
-        let slices = candidates.div_ceil(left).max(1);
-        let a_sample = fixed + candidates.div_ceil(slices);
-        Ok(Draws { samples: if slices > 1 { 1 } else { (granted / a_sample).clamp(1, samples.max(1)) }, slices })
+        Draws::within(Some(self.rounds), frame, indirect, query)
     }
 }
 
@@ -178,10 +145,6 @@ impl Trace for GlTrace {
 
     fn upload_map(&mut self, map: &MapView, gathering: &Gathering) -> Result<u64> {
         let before = self.photons.uploads();
-        // Another radius or another number of photons: what rows took says little.
-        if let Some((_, _, target)) = &self.target {
-            target.pace.forget();
-        }
         match map {
             MapView::Device { context, stored, grid, .. } => {
                 self.photons.fill(context, grid, stored.as_ref(), gathering)?
@@ -221,7 +184,7 @@ impl Trace for GlTrace {
             program.activate(&self.samplers(&FinalTextures::SAMPLERS[..3]));
             self.bind_scene(program, frame, 3);
             program.set_records(std::slice::from_ref(lattice));
-            self.finals.draw_sites(program, lattice)?;
+            self.finals.draw_sites(program, lattice, draws::site_work(frame, lattice))?;
         }
         let (Some(program), Some((_, _, target))) = (self.programs.get(&(active, draws.slices > 1)), &self.target)
         else {
@@ -241,24 +204,20 @@ impl Trace for GlTrace {
                 self.finals.bind(0, active.final_gather == Some(true));
             }
         }
+        let gather = matches!(indirect, Indirect::Map(_)).then(|| self.photons.gather());
+        target.pace.expect(draws::work(frame, &indirect, gather));
         let pause = self.pause.clone().unwrap_or_else(|| Rc::new(|| true));
-        let samples = frame.samples as u64;
-        if draws.samples >= samples && draws.slices == 1 {
+        if draws.is_whole(frame) {
             self.stopped = !target.draw_while(program, None, &*pause)?;
             return Ok(());
         }
         target.clear();
-        for first in (0..samples).step_by(draws.samples as usize) {
-            let here = draws.samples.min(samples - first);
-            let part = Frame { samples: here as f32, first_sample: frame.first_sample + first as f32, ..*frame };
+        for (part, weight, slice) in draws.parts(frame) {
             program.set_records(std::slice::from_ref(&part));
-            for slice in 0..draws.slices {
-                self.photons.set_slice(program, slice, draws.slices);
-                let weight = Some(here as f32 / samples as f32);
-                self.stopped = !target.draw_while(program, weight, &*pause)? || !pause();
-                if self.stopped {
-                    return Ok(());
-                }
+            self.photons.set_slice(program, slice, draws.slices);
+            self.stopped = !target.draw_while(program, Some(weight), &*pause)? || !pause();
+            if self.stopped {
+                break;
             }
         }
         Ok(())

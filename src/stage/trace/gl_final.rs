@@ -58,11 +58,12 @@ impl FinalTextures {
         }
     }
 
-    /// Draws the sites with the active program, whose first three samplers are charts, texels and lit points.
+    /// Draws the sites with the active program, whose first three samplers are charts, texels and lit points;
+    /// `work`: of a site.
     ///
     /// # Errors
     /// [`Error::Device`] when the driver refuses the size or reports an error.
-    pub fn draw_sites(&mut self, program: &Program, lattice: &SiteLattice) -> Result<()> {
+    pub fn draw_sites(&mut self, program: &Program, lattice: &SiteLattice, work: f64) -> Result<()> {
         let count = lattice.columns as u32 * lattice.rows as u32;
         let rows = count.div_ceil(1 << TEXTURE_WIDTH_LOG2);
         if self.sites.as_ref().is_none_or(|(known, _)| *known < rows) {
@@ -74,6 +75,7 @@ impl FinalTextures {
         };
         // Only now: making a target binds its textures.
         self.bind(0, false);
+        target.pace.expect(work);
         target.draw(program)
     }
 

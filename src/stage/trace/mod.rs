@@ -2,6 +2,7 @@
 
 mod cl;
 mod cpu;
+pub mod draws;
 mod gl;
 mod gl_final;
 

@@ -1,0 +1,191 @@
+//! Cuts within a pixel: a fragment or work-item that would loop for too long shares its samples, and the candidates of a
+//! query, among several draws. (`pace.rs` cuts pictures into rows, which cannot help where one pixel takes too long.)
+
+use super::Indirect;
+use crate::error::{Error, Result};
+use crate::lattice::FinalPass;
+use crate::layout::{Frame, Gather, SiteLattice};
+use crate::settings::Method;
+
+/// Loop rounds that a work-item may take.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rounds {
+    granted: u64,
+    /// Whether more of them give a wrong picture rather than a late one.
+    is_hard: bool,
+}
+
+/// llvmpipe ends a shader's loops, all of them together, after 65,535 rounds; some are left for small loops.
+pub const LLVMPIPE: Rounds = Rounds { granted: 60_000, is_hard: true };
+
+/// A candidate takes a lone work-item half a microsecond on an H200, where a picture with 1.2 million candidates a pixel
+/// took 656 ms in whatever part of it: so many take 130 ms, should the bound on them be met.
+pub const GPU: Rounds = Rounds { granted: 1 << 18, is_hard: false };
+
+/// How a picture is cut into draws.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Draws {
+    /// Samples of a draw.
+    pub samples: u64,
+    /// Parts that the candidates of a query are gathered in.
+    pub slices: u64,
+}
+
+/// What a query may meet.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Query {
+    /// How it searches.
+    pub method: Method,
+    /// Cells along an axis that it touches.
+    pub across: u64,
+    /// A bound on the photons that it looks at.
+    pub candidates: u64,
+}
+
+impl Draws {
+    /// All in one.
+    pub fn whole(frame: &Frame) -> Draws {
+        Draws { samples: frame.samples as u64, slices: 1 }
+    }
+
+    /// Whether one draw does.
+    pub fn is_whole(&self, frame: &Frame) -> bool {
+        self.samples >= frame.samples as u64 && self.slices == 1
+    }
+
+    /// Draws short enough; `query`: of the photon map, where pixels gather from one.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when a single sample is too long where that would be wrong.
+    pub fn within(rounds: Option<Rounds>, frame: &Frame, indirect: &Indirect, query: Option<Query>) -> Result<Draws> {
+        let Some(Rounds { granted, is_hard }) = rounds else { return Ok(Draws::whole(frame)) };
+        let samples = frame.samples as u64;
+        let (objects, lights) = ((frame.sphere_count + frame.plane_count) as u64, frame.light_count as u64);
+        // Closest hit, the planes' sides, a shadow ray a light, the clipped disc's planes twice; 32 bits of a Sobol'
+        // number.
+        let mut fixed = objects * (4 + lights) + lights + 64;
+        let mut candidates = 0;
+        if let Indirect::Final(_, FinalPass { lattice, .. }) = indirect {
+            fixed += lattice.rays.max(lattice.own_rays) as u64 * (objects * (2 + lights) + lights + 1);
+            fixed += lattice.points as u64 * (objects + 1);
+        }
+        if let Some(query) = query {
+            fixed += query.across * (2 * query.across + 1);
+            candidates = query.candidates + query.candidates / 256; // blocks of sums
+            if query.method == Method::Knn {
+                // A candidate may go down the heap; a heap cannot be filled in slices.
+                fixed += candidates * 9;
+                candidates = 0;
+            }
+        }
+        let left = match granted.checked_sub(fixed).filter(|left| *left > 0) {
+            Some(left) => left,
+            None if is_hard => {
+                return Err(Error::Device(format!(
+                    "OpenGL: a sample of this picture takes up to {fixed} loop rounds, and this software driver ends \
+                     loops after {granted}: take --backend opencl, or fewer photons or a smaller radius"
+                )));
+            }
+            None => granted,
+        };
+        let slices = candidates.div_ceil(left).max(1);
+        let a_sample = fixed + candidates.div_ceil(slices);
+        Ok(Draws { samples: if slices > 1 { 1 } else { (granted / a_sample).clamp(1, samples.max(1)) }, slices })
+    }
+
+    /// The frames of the draws, what each weighs in the picture, and which slice of the candidates it gathers.
+    pub fn parts(self, frame: &Frame) -> impl Iterator<Item = (Frame, f32, u64)> + use<> {
+        let (all, frame) = (frame.samples as u64, *frame);
+        (0..all).step_by(self.samples as usize).flat_map(move |first| {
+            let here = self.samples.min(all - first);
+            let part = Frame { samples: here as f32, first_sample: frame.first_sample + first as f32, ..frame };
+            (0..self.slices).map(move |slice| (part, here as f32 / all as f32, slice))
+        })
+    }
+}
+
+/// What a pixel has to do, up to a factor: its rays, and where they end the photons within the radius of the map that
+/// `gather` belongs to, or the rays of a final gathering.
+pub fn work(frame: &Frame, indirect: &Indirect, gather: Option<&Gather>) -> f64 {
+    let each = match (indirect, gather) {
+        (Indirect::Final(_, pass), _) => f64::from(pass.lattice.own_rays + pass.lattice.points),
+        (_, Some(gather)) => f64::from(gather.photon_count) * f64::from(gather.radius).powi(2),
+        (_, None) => 1.0,
+    };
+    f64::from(frame.samples) * rays(frame) * each
+}
+
+/// What a site has to do, up to a factor.
+pub fn site_work(frame: &Frame, lattice: &SiteLattice) -> f64 {
+    f64::from(lattice.rays + lattice.points) * rays(frame)
+}
+
+/// What a ray and the shadow rays from where it ends have to do, up to a factor.
+fn rays(frame: &Frame) -> f64 {
+    f64::from((frame.sphere_count + frame.plane_count) * (2.0 + frame.light_count))
+}
+
+/// Cells along an axis that a query's ball can touch.
+pub fn cells_across(gather: &Gather) -> u64 {
+    let smallest = gather.cell.into_iter().fold(f32::INFINITY, f32::min);
+    if smallest <= 0.0 {
+        return 8; // tiles have cells of their own, of R/2 or larger
+    }
+    2 * (1.001 * gather.radius / smallest).ceil().min(1e6) as u64 + 2
+}
+
+/// The same as a guess that is seldom exceeded, and never by much.
+pub fn cells_within(gather: &Gather) -> u64 {
+    let smallest = gather.cell.into_iter().fold(f32::INFINITY, f32::min);
+    if smallest > 0.0 { (2.0 * gather.radius / smallest).ceil().min(1e6) as u64 + 1 } else { 5 }
+}
+
+/// Cells of a face or region, of so many along its axes, that a query touches at most.
+pub fn touched(counts: [f32; 3], across: u64) -> u64 {
+    counts.map(|count| (count as u64).min(across)).iter().product()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn frame(samples: f32) -> Frame {
+        Frame { samples, sphere_count: 2.0, plane_count: 6.0, light_count: 1.0, ..Frame::default() }
+    }
+
+    fn draws(rounds: Rounds, samples: f32, method: Method, candidates: u64) -> Result<Draws> {
+        let query = Query { method, across: 8, candidates };
+        Draws::within(Some(rounds), &frame(samples), &Indirect::None, Some(query))
+    }
+
+    #[test]
+    fn no_draw_loops_for_longer_than_is_granted() {
+        for rounds in [LLVMPIPE, GPU] {
+            for candidates in [0, 100, 10_000, 59_000, 1_000_000, 16_000_000] {
+                let draws = draws(rounds, 16.0, Method::Grid, candidates).unwrap();
+                let fixed = 8 * 5 + 1 + 64 + 8 * 17;
+                let a_draw = draws.samples * (fixed + (candidates + candidates / 256).div_ceil(draws.slices));
+                assert!(a_draw <= rounds.granted, "{candidates}: {draws:?} takes {a_draw}");
+                assert_eq!(draws.is_whole(&frame(16.0)), candidates <= 10_000 && (rounds == GPU || candidates <= 100));
+            }
+        }
+    }
+
+    #[test]
+    fn a_heap_is_refused_where_loops_end_early_and_drawn_where_they_last() {
+        assert!(draws(LLVMPIPE, 1.0, Method::Knn, 100_000).unwrap_err().to_string().contains("loop rounds"));
+        assert_eq!(draws(GPU, 4.0, Method::Knn, 100_000).unwrap(), Draws { samples: 1, slices: 1 });
+    }
+
+    #[test]
+    fn parts_make_up_the_whole() {
+        let parts: Vec<_> = Draws { samples: 3, slices: 2 }.parts(&frame(8.0)).collect();
+        assert_eq!(parts.len(), 6);
+        for slice in 0..2 {
+            let own: Vec<_> = parts.iter().filter(|(_, _, number)| *number == slice).collect();
+            assert!((own.iter().map(|(_, weight, _)| weight).sum::<f32>() - 1.0).abs() < 1e-6);
+            let samples: Vec<_> = own.iter().map(|(frame, ..)| (frame.first_sample, frame.samples)).collect();
+            assert_eq!(samples, [(0.0, 3.0), (3.0, 3.0), (6.0, 2.0)]);
+        }
+    }
+}
