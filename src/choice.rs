@@ -14,7 +14,10 @@ use crate::stage::map::Sample;
 use crate::tiling::MAX_CELLS;
 
 /// Sizes of tiles that are weighed where none are asked for, pixels.
-pub const SIZES: [[u32; 2]; 3] = [[80, 80], [32, 32], [16, 16]];
+pub const SIZES: [[u32; 2]; MOST_SIZES] = [[80, 80], [32, 32], [16, 16]];
+
+/// How many these are.
+const MOST_SIZES: usize = 3;
 
 /// Who gathers: devices on which things cost about the same, but for a common factor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -50,17 +53,32 @@ impl Class {
 
     /// Nanoseconds of one of each of [`TERMS`]: only their ratios matter. Fitted by `bench --suite choice` to rows of two
     /// cores that others used too (PoCL, llvmpipe, the twin); those of GPUs are estimates.
-    fn costs(self) -> &'static Counts {
+    pub fn costs(self) -> &'static Counts {
         match self {
-            Class::Cpu => &[960.0, 60.0, 5.0, 5.0, 571.0, 2200.0, 6.0, 8.0, 400.0, 240.0, 100.0, 540.0, 50.0, 0.0],
-            Class::OpenClLanes => {
-                &[48.0, 0.0, 0.42, 0.66, 69.0, 376.0, 0.75, 0.94, 46.0, 190.0, 153.0, 213.0, 30.0, 8200.0]
+            Class::Cpu => {
+                &[960.0, 60.0, 5.0, 5.0, 571.0, 2200.0, 6.0, 8.0, 400.0, 0.0, 240.0, 0.0, 0.0, 100.0, 540.0, 50.0, 0.0]
             }
-            Class::OpenClGpu => &[0.2, 0.005, 0.005, 0.02, 0.03, 0.1, 0.03, 0.013, 0.03, 1.2, 1.5, 1.5, 0.2, 0.0],
-            Class::OpenGlSoftware => {
-                &[290.0, 40.0, 25.0, 35.0, 1190.0, 5420.0, 18.0, 35.0, 400.0, 100.0, 100.0, 1260.0, 0.0, 16000.0]
+            Class::OpenClLanes => &[
+                48.0, 0.0, 0.42, 0.66, 69.0, 376.0, 0.75, 0.94, 46.0, 0.0, 190.0, 0.0, 0.0, 153.0, 213.0, 30.0, 8200.0,
+            ],
+            Class::OpenClGpu => {
+                &[0.2, 0.005, 0.005, 0.02, 0.03, 0.1, 0.03, 0.013, 0.03, 0.0, 1.2, 0.0, 1e6, 1.5, 1.5, 0.2, 0.0]
             }
-            Class::OpenGlGpu => &[0.5, 0.02, 0.02, 0.15, 0.3, 1.0, 0.2, 0.1, 0.3, 5.0, 5.0, 5.0, 0.5, 0.0],
+            Class::OpenGlSoftware => &[
+                290.0, 40.0, 25.0, 35.0, 1190.0, 5420.0, 18.0, 35.0, 400.0, 0.0, 100.0, 0.0, 0.0, 100.0, 1260.0, 0.0,
+                16000.0,
+            ],
+            Class::OpenGlGpu => {
+                &[0.5, 0.02, 0.02, 0.15, 0.3, 1.0, 0.2, 0.1, 0.3, 0.0, 5.0, 0.0, 1e6, 5.0, 5.0, 0.5, 0.0]
+            }
+        }
+    }
+
+    /// Pixels along a side of what gathers together: the lanes of a work-item.
+    fn block(self) -> f32 {
+        match self {
+            Class::OpenClLanes => 4.0,
+            _ => 1.0,
         }
     }
 
@@ -68,13 +86,14 @@ impl Class {
     fn cell_size(self) -> CellSize {
         match self {
             Class::OpenGlSoftware | Class::OpenGlGpu => CellSize::Alone,
+            Class::OpenClGpu => CellSize::Alone,
             _ => CellSize::Auto,
         }
     }
 }
 
 /// What is counted, for the whole picture.
-pub const TERMS: [&str; 14] = [
+pub const TERMS: [&str; 17] = [
     // Any method's share: rays, shadows, direct light.
     "pixels",
     // Photons within R of visible points, however they are found.
@@ -82,16 +101,19 @@ pub const TERMS: [&str; 14] = [
     // Candidates in the cells around points, of a dense grid and of a hashed one.
     "candidates",
     "candidates-hashed",
-    // Rows of cells around points: one on a plane along the axes, five elsewhere, whose surface crosses the rows.
+    // Rows of cells that queries walk through.
     "rows",
     "rows-hashed",
     // Entries of lists that tiles look through; in tiled grids those in the cells around points, and rows of these.
     "listed",
     "celled",
     "rows-celled",
-    // Photons sorted into a grid.
+    // A grid, photons sorted into it, and its cells.
+    "grid",
     "sorted",
-    // Photons looked at for tiles, what of them enters lists, rays that look what tiles see, and tiles.
+    "cells",
+    // A tiling, photons looked at for tiles, what of them enters lists, rays that look what tiles see, and tiles.
+    "tiling",
     "projected",
     "entered",
     "seen",
@@ -136,6 +158,11 @@ pub struct Estimate {
 }
 
 impl Estimate {
+    /// The cost with other costs of the terms, milliseconds.
+    pub fn cost_at(&self, costs: &Counts) -> f64 {
+        cost(&self.counts, costs)
+    }
+
     /// The term that costs most, and its share of the cost.
     pub fn dearest(&self, class: Class) -> (&'static str, f64) {
         let terms = TERMS.iter().zip(self.counts.iter().zip(class.costs()).map(|(count, cost)| count * cost));
@@ -144,11 +171,16 @@ impl Estimate {
     }
 }
 
+/// Milliseconds of so many of each term.
+fn cost(counts: &Counts, costs: &Counts) -> f64 {
+    counts.iter().zip(costs).map(|(count, cost)| count * cost).sum::<f64>() * 1e-6
+}
+
 /// Pairs of visible points and photons whose distance is taken: some hundred microseconds.
-const PAIRS: usize = 3 << 16;
+const PAIRS: usize = 3 << 17;
 
 /// Visible points of them.
-const POINTS: usize = 48;
+const POINTS: usize = 96;
 
 /// What each method would take, the cheapest first.
 ///
@@ -175,40 +207,64 @@ pub fn estimates(scene: &SceneTables, frame: &Frame, sample: &Sample, question: 
     for (position, face) in sample.positions.iter().zip(&sample.faces).take(looked_at) {
         faces[*face as usize].push(Vec3::from(position.position));
     }
-    let cell = radius / CELLS_PER_RADIUS;
+    let grid = grid(scene, sample, question);
+    let [cell, hashed, cells] = grid.map_or([radius / CELLS_PER_RADIUS, 0.0, 0.0], |grid| {
+        [grid.gather.cell[0], f32::from(u8::from(grid.hashed)), grid.cells as f32]
+    });
     let [mut accepted, mut rows, mut candidates] = [0.0; 3];
-    // By size of tiles: entries of lists, and those in the cells around points.
-    let mut listed = vec![[0.0; 2]; sizes.len()];
+    // By size of tiles: entries of lists, those in the cells around points, rows of these cells, and cells of a tile.
+    let mut tiled = vec![[0.0; 4]; sizes.len()];
     for &(p, face) in &points {
         let object = &scene.objects[face / 2];
         let flat = object.kind == PLANE && Vec3::from(object.anchor).abs().max_element() > 0.999;
-        rows += if flat { 1.0 } else { 5.0 };
-        // A tile's image on the surface, as a disc of the same area; slanted surfaces fill more of it.
+        // An area's image on the surface, as a disc of the same area; slanted surfaces fill more of it.
         let away = p - Vec3::from(frame.position);
         let depth = away.dot(frame.forward.into());
         let normal = if object.kind == PLANE { object.anchor.into() } else { p - Vec3::from(object.anchor) };
         let cosine = (away.dot(normal) / (away.length() * normal.length())).abs().max(0.03);
         let [width, height] = [frame.right, frame.up].map(|half| 2.0 * Vec3::from(half).length() * depth);
-        let reaches = |size: &[u32; 2]| {
-            let across = width * (size[0] as f32 / frame.width).min(1.0);
-            let down = height * (size[1] as f32 / frame.height).min(1.0) / cosine;
+        let image = |size: [f32; 2]| {
+            [width * (size[0] / frame.width).min(1.0), height * (size[1] / frame.height).min(1.0) / cosine]
+        };
+        let disc = |[across, down]: [f32; 2]| (across * down / std::f32::consts::PI).sqrt();
+        // Pixels that gather together walk over what is near any of them, unless that is far apart.
+        let together = if class.block() > 1.0 { disc(image([class.block(); 2])).min(2.0 * radius) } else { 0.0 };
+        let reach = radius + together;
+        // Where the surface crosses the rows, there are as many in the other direction too.
+        let rows_of = |cell: f32| {
+            let along = 2.0 * reach / cell + 1.0;
+            f64::from(if flat { along } else { along * along })
+        };
+        rows += rows_of(cell);
+        let mut reaches = [[0.0; 2]; MOST_SIZES];
+        let mut farthest = reach + BEYOND * cell;
+        for ((size, tiled), reaches) in sizes.iter().zip(&mut tiled).zip(&mut reaches) {
+            let [across, down] = image(size.map(|pixels| pixels as f32));
             // A large tile's cells are larger than a grid's: it has only so many, and towards a horizon sees far.
             let far = down / (1.0 - 0.5 * down / depth).max(0.05);
             let area = (across + 2.0 * radius) * (far + 2.0 * radius);
-            let own_cell = cell.max((area / MAX_CELLS as f32).sqrt());
-            [radius + (across * down / std::f32::consts::PI).sqrt(), radius + BEYOND * own_cell]
-                .map(|reach| reach * reach)
-        };
-        let reaches: Vec<[f32; 2]> = sizes.iter().map(reaches).collect();
-        let in_cells = (radius + BEYOND * cell).powi(2);
+            let own_cell = (radius / CELLS_PER_RADIUS).max((area / MAX_CELLS as f32).sqrt());
+            tiled[2] += rows_of(own_cell);
+            tiled[3] += f64::from(area / (own_cell * own_cell));
+            let list = radius + disc([across, down]);
+            *reaches = [list, list.min(reach + BEYOND * own_cell)];
+            farthest = farthest.max(list);
+        }
+        let (near, in_cells) = (radius * radius, (reach + BEYOND * cell).powi(2));
+        let reaches = reaches.map(|reaches| reaches.map(|reach| reach * reach));
+        let farthest = farthest * farthest;
         for photon in &faces[face] {
             let d2 = photon.distance_squared(p);
+            // Most are.
+            if d2 >= farthest {
+                continue;
+            }
             let within = |reach2: f32| f64::from(u8::from(d2 < reach2));
-            accepted += within(radius * radius);
+            accepted += within(near);
             candidates += within(in_cells);
-            for (listed, [list, cells]) in listed.iter_mut().zip(&reaches) {
-                listed[0] += within(*list);
-                listed[1] += within(cells.min(*list));
+            for (tiled, [list, cells]) in tiled.iter_mut().zip(&reaches) {
+                tiled[0] += within(*list);
+                tiled[1] += within(*cells);
             }
         }
     }
@@ -219,24 +275,26 @@ pub fn estimates(scene: &SceneTables, frame: &Frame, sample: &Sample, question: 
     let mut all = Vec::new();
     let mut add = |method, tile: Option<[u32; 2]>, candidates: f64, entries: f64, counted: &[(&str, f64)]| {
         let counts = TERMS.map(|term| counted.iter().find(|(name, _)| *name == term).map_or(0.0, |(_, count)| *count));
-        let cost = counts.iter().zip(class.costs()).map(|(count, cost)| count * cost).sum::<f64>() * 1e-6;
+        let cost = cost(&counts, class.costs());
         all.push(Estimate { method, tile, candidates, entries, cost, counts });
     };
     let seen = (pixels * share).max(1.0);
-    let [in_cells, own_rows] =
-        if is_hashed(scene, sample, question) { ["candidates-hashed", "rows-hashed"] } else { ["candidates", "rows"] };
+    let [in_cells, own_rows] = if hashed > 0.0 { ["candidates-hashed", "rows-hashed"] } else { ["candidates", "rows"] };
     let any = [("pixels", pixels), ("accepted", accepted)];
-    let counted = [&any[..], &[(in_cells, candidates), (own_rows, rows), ("sorted", stored)]].concat();
+    let build = [("grid", 1.0), ("sorted", stored), ("cells", f64::from(cells))];
+    let counted = [&any[..], &build[..], &[(in_cells, candidates), (own_rows, rows)]].concat();
     add(Method::Grid, None, candidates / seen, stored, &counted);
-    for (size, [in_lists, in_cells]) in sizes.iter().zip(listed) {
+    for (size, [in_lists, in_cells, rows, cells]) in sizes.iter().zip(tiled) {
         let tiles = f64::from((frame.width / size[0] as f32).ceil() * (frame.height / size[1] as f32).ceil());
         // Tiles see one face and some of another.
-        let entries = 1.2 * tiles * share * in_lists * per_point;
+        let regions = 1.2 * tiles * share;
+        let entries = regions * in_lists * per_point;
         let listed = in_lists * scale * each;
         let celled = in_cells * scale * each;
-        let build = [("projected", stored), ("entered", entries), ("seen", pixels), ("tiles", tiles)];
+        let build = [("tiling", 1.0), ("projected", stored), ("entered", entries), ("seen", pixels), ("tiles", tiles)];
         let tiled = [&any[..], &build[..]].concat();
-        let gather = [("celled", celled), ("rows-celled", rows)];
+        let gather =
+            [("celled", celled), ("rows-celled", rows * each), ("cells", regions * cells / points.len().max(1) as f64)];
         add(Method::Tiles, Some(*size), listed / seen, entries, &[&tiled[..], &[("listed", listed)]].concat());
         add(Method::TiledGrid, Some(*size), celled / seen, entries, &[&tiled[..], &gather].concat());
     }
@@ -244,30 +302,41 @@ pub fn estimates(scene: &SceneTables, frame: &Frame, sample: &Sample, question: 
     all
 }
 
-/// Whether a grid of the whole map would be hashed.
-fn is_hashed(scene: &SceneTables, sample: &Sample, question: &Question) -> bool {
+/// The grid of the whole map, by what the sample tells of it.
+fn grid(scene: &SceneTables, sample: &Sample, question: &Question) -> Option<cells::Plan> {
     let mut bounds = vec![Bounds::EMPTY; 2 * scene.objects.len()];
     for (position, face) in sample.positions.iter().zip(&sample.faces) {
         bounds[*face as usize].add(position.position);
     }
     let size = question.class.cell_size();
-    let plan = cells::plan(scene.objects, &bounds, question.stored as usize, question.radius, size, Form::Auto);
-    plan.is_ok_and(|plan| plan.hashed)
+    cells::plan(scene.objects, &bounds, question.stored as usize, question.radius, size, Form::Auto).ok()
+}
+
+/// What a method took.
+#[derive(Clone, Copy, Debug)]
+pub struct Taken {
+    /// Of [`TERMS`].
+    pub counts: Counts,
+    /// Milliseconds.
+    pub ms: f64,
+    /// How much it matters that this is known well.
+    pub weight: f64,
 }
 
 /// Costs of one of each term, nanoseconds, that fit measured milliseconds and none of them below 0: least squares by
 /// coordinate descent (Franc, Hlaváč & Navara, "Sequential Coordinate-Wise Algorithm for the Non-negative Least Squares
 /// Problem", 2005). Twice as much and half as much count alike: (predicted − measured) / √(predicted · measured).
-pub fn fit(measured: &[(Counts, f64)]) -> Counts {
+pub fn fit(measured: &[Taken]) -> Counts {
     let mut costs = [0.0; TERMS.len()];
-    let mut predicted: Vec<f64> = measured.iter().map(|(_, ms)| *ms).collect();
+    let mut predicted: Vec<f64> = measured.iter().map(|taken| taken.ms).collect();
     for _ in 0..20 {
-        let weights: Vec<f64> = measured.iter().zip(&predicted).map(|((_, ms), p)| (ms * p).sqrt().recip()).collect();
-        let scaled = |((counts, _), weight): (&(Counts, f64), &f64)| counts.map(|count| count * 1e-6 * weight);
+        let weight = |(taken, p): (&Taken, &f64)| taken.weight / (taken.ms * p).sqrt();
+        let weights: Vec<f64> = measured.iter().zip(&predicted).map(weight).collect();
+        let scaled = |(taken, weight): (&Taken, &f64)| taken.counts.map(|count| count * 1e-6 * weight);
         let rows: Vec<Counts> = measured.iter().zip(&weights).map(scaled).collect();
         let norms: Counts = std::array::from_fn(|term| rows.iter().map(|row| row[term] * row[term]).sum());
         let sum = |row: &Counts, costs: &Counts| row.iter().zip(costs).map(|(count, cost)| count * cost).sum::<f64>();
-        let aims = measured.iter().zip(&weights).map(|((_, ms), weight)| ms * weight);
+        let aims = measured.iter().zip(&weights).map(|(taken, weight)| taken.ms * weight);
         let mut left: Vec<f64> = rows.iter().zip(aims).map(|(row, aim)| aim - sum(row, &costs)).collect();
         for _ in 0..2000 {
             for term in (0..TERMS.len()).filter(|term| norms[*term] > 0.0) {
@@ -279,7 +348,7 @@ pub fn fit(measured: &[(Counts, f64)]) -> Counts {
             }
         }
         // Nothing predicts less than a thousandth: that would outweigh all else.
-        predicted = measured.iter().map(|(counts, ms)| (sum(counts, &costs) * 1e-6).max(1e-3 * ms)).collect();
+        predicted = measured.iter().map(|taken| (sum(&taken.counts, &costs) * 1e-6).max(1e-3 * taken.ms)).collect();
     }
     costs
 }
@@ -297,7 +366,7 @@ mod tests {
                 |term: usize| ((number * 7919 + term * 104_729) % 97 * usize::from((number + term) % 3 > 0)) as f64;
             let counts: Counts = std::array::from_fn(|term| 1e4 * (1.0 + count(term)));
             let ms = counts.iter().zip(&costs).map(|(count, cost)| count * cost).sum::<f64>() * 1e-6;
-            (counts, ms)
+            Taken { counts, ms, weight: 1.0 }
         };
         let found = fit(&(0..60).map(row).collect::<Vec<_>>());
         for (found, cost) in found.iter().zip(costs) {

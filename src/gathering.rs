@@ -38,6 +38,12 @@ impl Gathering {
         if self.method == Method::Knn { 1 } else { device_lanes }
     }
 
+    /// Whether the work-items of a group gather together, in local memory (`group.cl`).
+    pub fn is_grouped(&self, lanes: u32) -> bool {
+        let level = std::env::var("PHOTILE_GROUP").ok().and_then(|g| g.parse().ok()).unwrap_or(1);
+        lanes == 1 && (self.method.is_tiled() && level > 0 || self.method == Method::Grid && level > 1)
+    }
+
     /// What a scene's objects need.
     ///
     /// A plane cuts discs of other surfaces only: it takes two objects. Photons lie on both sides of a plane only

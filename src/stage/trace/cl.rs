@@ -29,6 +29,8 @@ pub struct ClTrace {
 struct Compiled {
     permutation: Permutation,
     lanes: u32,
+    /// Bytes of the queue in which a work-group's photons wait (`group.cl`).
+    queue: Option<usize>,
     kernel: Kernel,
     /// Gathers the sites, where pixels take irradiance from these.
     sites: Option<Kernel>,
@@ -53,7 +55,15 @@ impl Trace for ClTrace {
         }
         let device_lanes = self.context.device.lanes;
         let lanes = permutation.gathering.map_or(device_lanes, |gathering| gathering.lanes(device_lanes));
-        let options = Options { lanes, defines: permutation.defines(), ..Options::default() };
+        let grouped = permutation.gathering.is_some_and(|gathering| gathering.is_grouped(lanes));
+        let queue = std::env::var("PHOTILE_QUEUE").ok().and_then(|q| q.parse().ok()).unwrap_or(QUEUE_LENGTH);
+        let mut defines = permutation.defines();
+        if grouped {
+            defines.extend(["GATHER_GROUP".into(), format!("QUEUE_LENGTH {queue}")]);
+        }
+        let vectors = if permutation.features.glossy { 3 } else { 2 };
+        let queue = grouped.then_some(vectors * queue * size_of::<[f32; 4]>());
+        let options = Options { lanes, defines, ..Options::default() };
         let kernel = self.context.kernel(&assemble("trace.cl", Some(&permutation.features), &options), "trace")?;
         let sites = match permutation.final_gather {
             Some(true) => {
@@ -63,7 +73,7 @@ impl Trace for ClTrace {
             }
             _ => None,
         };
-        self.active = Some(Compiled { permutation: *permutation, lanes, kernel, sites });
+        self.active = Some(Compiled { permutation: *permutation, lanes, queue, kernel, sites });
         Ok(())
     }
 
@@ -126,6 +136,7 @@ impl Trace for ClTrace {
             }
             _ => return Err(out_of_order("OpenCL")),
         }
+        args.extend(active.queue.map(Arg::Local));
         args.extend([Arg::from(film), (width as i32).into(), (height as i32).into()]);
         let (columns, rows) = block(active.lanes);
         let blocks = [width.div_ceil(columns) as usize, height.div_ceil(rows) as usize];
@@ -142,6 +153,9 @@ impl Trace for ClTrace {
         0 // the context counts its buffers
     }
 }
+
+/// Photons of a work-group's queue: measured at 64, 128 and 256.
+const QUEUE_LENGTH: usize = 128;
 
 /// The pixels that a work-item's lanes cover, across and down: as `LANE_COLUMNS` and `LANE_ROWS` in `shim.cl`.
 fn block(lanes: u32) -> (u32, u32) {
