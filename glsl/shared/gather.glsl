@@ -126,6 +126,7 @@ Gathered add_photon(SCENE_PARAMS Gathered sum, int i, Real weight, Vec3 position
 #define AREA_BASE(i) region_base_scalar(i)
 #define AREA_CELL(i) region_cell_scalar(i)
 #define AREA_INVERSE_CELL(i) region_inverse_cell_scalar(i)
+#define AREA_OBJECT(i) (count_of(region_face_scalar(i)) / 2)
 #else
 #define AREA_FLIPPED(i) face_flipped_scalar(i)
 #define AREA_ORIGIN(i) face_origin_scalar(i)
@@ -133,6 +134,7 @@ Gathered add_photon(SCENE_PARAMS Gathered sum, int i, Real weight, Vec3 position
 #define AREA_BASE(i) face_base_scalar(i)
 #define AREA_CELL(i) gather_cell_scalar()
 #define AREA_INVERSE_CELL(i) gather_inverse_cell_scalar()
+#define AREA_OBJECT(i) ((i) / 2)
 #endif
 
 #ifdef GATHER_GROUP
@@ -143,6 +145,16 @@ Gathered gather_group(SCENE_PARAMS Query query, int face, int wanted);
 #endif
 
 #ifndef GATHER_BRUTE
+// Whether an object's surface passes through a box: where it does not, there are no photons of it.
+bool passes_through(bool is_sphere, Float3 anchor, float extent, Float3 low, Float3 high) {
+    Float3 away = (low + high) * 0.5f - (is_sphere ? anchor : triple(0.0f, 0.0f, 0.0f));
+    Float3 reach = (high - low) * 0.5f;
+    if (!is_sphere) return fabs(dot(anchor, away) - extent) <= dot(fabs(anchor), reach);
+    Float3 nearest = max(fabs(away) - reach, triple(0.0f, 0.0f, 0.0f));
+    Float3 farthest = fabs(away) + reach;
+    return dot(nearest, nearest) <= extent * extent && dot(farthest, farthest) >= extent * extent;
+}
+
 // Photons of one face (or region) around the lanes' points, which lie in the box from low to high.
 Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high) {
     Gathered sum = nothing_gathered();
@@ -171,6 +183,19 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
     w_first = max(w_first, 0);
     w_last = min(w_last, count_of(counts.z) - 1);
 #endif
+    // Rows of cells which the surface does not pass through are left out, where there are such: a box filled with cells
+    // has none where the surface lies along its axes.
+    int object = AREA_OBJECT(face);
+    bool is_sphere = object < SPHERE_COUNT;
+    Float3 anchor = grid_axes(object_anchor_scalar(object), flipped);
+    float extent = object_extent_scalar(object) - (is_sphere ? 0.0f : dot(anchor, origin));
+    if (is_sphere) anchor = anchor - origin;
+    float slack = reach - gather_radius();
+#ifdef GRID_HASHED
+    bool has_empty_rows = true;
+#else
+    bool has_empty_rows = counts.y > 1.0f && counts.z > 1.0f;
+#endif
     Real inverse_radius2 = lanes(gather_inverse_radius() * gather_inverse_radius());
 #ifdef GATHER_KNN
     // Binary heap of the nearest so far, the farthest of them at its root: one more than k, whose distance becomes
@@ -189,6 +214,9 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
             float v_low = float_of(v) * cell.y;
             float v_gap = max(max(v_low - high.y, low.y - (v_low + cell.y)), 0.0f);
             float chord = sqrt(max(w_left - v_gap * v_gap, 0.0f));
+            Float3 row_low = triple(low.x - chord, v_low, w_low) - slack;
+            Float3 row_high = triple(high.x + chord, v_low + cell.y, w_low + cell.z) + slack;
+            if (has_empty_rows && !passes_through(is_sphere, anchor, extent, row_low, row_high)) continue;
             int u_first = cell_along(low.x - chord, inverse.x);
             int u_last = cell_along(high.x + chord, inverse.x);
 #ifdef GRID_HASHED

@@ -24,8 +24,9 @@ use crate::stage::map::Sample;
 /// What a choice may cost beyond the best one to be a good one.
 const GOOD: f64 = 1.15;
 
-/// Milliseconds beyond which a method is timed once only.
+/// Milliseconds beyond which a method is timed once only, and below which twice as often: medians of little need more.
 const LONG: f64 = 1000.0;
+const SHORT: f64 = 30.0;
 
 /// The numbers of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -50,8 +51,7 @@ struct Row {
     gather: String,
     /// Building and gathering, the median of the rounds.
     ms: f64,
-    /// How many times longer than the best of the setting: the median of the rounds' quotients, since what slows one
-    /// of a round mostly slows the other.
+    /// How many times longer than the best of the setting.
     over_best: f64,
     rounds: u32,
 }
@@ -202,9 +202,16 @@ fn measure(
     let mut settings = setting.settings();
     let mut samples = vec![Samples::default(); estimates.len()];
     let mut warm_up = vec![0.0f64; estimates.len()];
-    for round in 0..=rounds {
+    for round in 0..=2 * rounds {
         for ((estimate, samples), first) in estimates.iter().zip(&mut samples).zip(&mut warm_up) {
-            if first.is_nan() || *first > LONG && round > 1 {
+            let wanted = match *first {
+                _ if round == 0 => rounds,
+                first if first.is_nan() => 0,
+                first if first > LONG => 1,
+                first if first < SHORT => 2 * rounds,
+                _ => rounds,
+            };
+            if round > wanted {
                 continue;
             }
             settings.gather.method = estimate.method;
@@ -228,7 +235,7 @@ fn measure(
         }
     }
     let done = || estimates.iter().zip(&samples).filter(|(_, samples)| !samples.ms.is_empty());
-    let Some((_, best)) = done().min_by(|a, b| a.1.median().total_cmp(&b.1.median())) else { return Ok(Vec::new()) };
+    let best = done().map(|(_, samples)| samples.median()).fold(f64::INFINITY, f64::min);
     let row = |(estimate, samples): (&Estimate, &Samples)| Row {
         class: setting.class.name().into(),
         scene: setting.scene.name.clone(),
@@ -237,7 +244,7 @@ fn measure(
         radius_m: Value::from(setting.radius).number().unwrap_or_default(),
         gather: name(estimate),
         ms: samples.median(),
-        over_best: samples.ratio_to(best),
+        over_best: samples.median() / best,
         rounds: samples.ms.len() as u32,
     };
     Ok(done().map(row).collect())
@@ -287,15 +294,14 @@ impl Judged {
         };
         let taken = |(setting, estimates, _): &(Setting, Vec<Estimate>, f64)| {
             let rows = estimates.iter().filter_map(|estimate| Some((estimate, of(setting, estimate)?)));
-            // What is far from the best need not be known well.
             let taken = |(estimate, row): (&Estimate, &Row)| Taken {
                 counts: estimate.counts,
                 ms: row.ms,
-                weight: 1.0 / row.over_best,
+                over_best: row.over_best,
             };
             rows.map(taken).collect::<Vec<_>>()
         };
-        let fitted = choice::fit(&answers.iter().flat_map(taken).collect::<Vec<_>>());
+        let fitted = choice::fit_choice(&answers.iter().map(taken).collect::<Vec<_>>());
         let [mut ratios, mut fitted_ratios] = [Vec::new(), Vec::new()];
         for (setting, estimates, _) in answers {
             let done: Vec<(&Estimate, &Row)> =

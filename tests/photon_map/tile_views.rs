@@ -21,13 +21,11 @@ use super::{Map, Random, device, room, room_photons, surface_point, upload};
 /// Any view from within the room, its eye close to a wall or on its way through one included.
 fn views() -> impl Strategy<Value = Frame> {
     let eye = (-2.99f32..2.9, -1.99f32..1.99, -2.99f32..2.99);
-    let forward = (-1.0f32..1.0, -1.0f32..1.0, -1.0f32..1.0).prop_filter("a direction beside the vertical", |(x, _, z)| {
-        x.abs().max(z.abs()) > 0.05
-    });
+    let forward = (-1.0f32..1.0, -1.0f32..1.0, -1.0f32..1.0)
+        .prop_filter("a direction beside the vertical", |(x, _, z)| x.abs().max(z.abs()) > 0.05);
     let fov_y = prop_oneof![Just(1.0f32), Just(170.0), 1.0f32..170.0];
-    (eye, forward, fov_y, 1u32..3).prop_map(|(eye, forward, fov_y, samples)| {
-        frame(Vec3::from(eye), Vec3::from(forward), fov_y, samples)
-    })
+    (eye, forward, fov_y, 1u32..3)
+        .prop_map(|(eye, forward, fov_y, samples)| frame(Vec3::from(eye), Vec3::from(forward), fov_y, samples))
 }
 
 /// From a single pixel to more than the image.
@@ -74,7 +72,12 @@ fn whatever_the_view_no_photon_that_brute_force_accepts_is_missing() {
         Ok(())
     });
     result.unwrap();
-    assert!(pairs.get() > 10_000_000 && accepted.get() > 1_000_000, "{} pairs, {} accepted", pairs.get(), accepted.get());
+    assert!(
+        pairs.get() > 10_000_000 && accepted.get() > 1_000_000,
+        "{} pairs, {} accepted",
+        pairs.get(),
+        accepted.get()
+    );
 }
 
 #[test]
