@@ -51,14 +51,22 @@ __kernel void irradiance_splat(WALK_PARAMS, uint runs, float quanta_per_watt, __
     }
 }
 
-// inverse_areas: 1/m², 0 for texels that nothing reaches; texels: packed triples.
-__kernel void irradiance_resolve(__global const uint *sums, __global const float *inverse_areas, float watts_per_quantum,
-                                 __global float *texels, uint count) {
+// inverse_areas: of windows, 1/m², 0 for texels that nothing reaches; windows: columns of the chart << 8 | half-width of
+// the window, texels (window.rs); texels: packed triples. All quanta together fit into 32 bits.
+__kernel void irradiance_resolve(__global const uint *sums, __global const float *inverse_areas,
+                                 __global const uint *windows, float watts_per_quantum, __global float *texels, uint count) {
     uint texel = (uint)get_global_id(0);
     if (texel >= count) return;
-    float scale = inverse_areas[texel] * watts_per_quantum;
-    for (uint channel = 0; channel < 3u; channel++)
-        texels[3u * texel + channel] = convert_float(sums[3u * texel + channel]) * scale;
+    uint3 quanta = (uint3)(0u);
+    float inverse_area = inverse_areas[texel];
+    if (inverse_area > 0.0f) {
+        uint half_width = windows[texel] & 255u, stride = windows[texel] >> 8u;
+        uint first = texel - half_width * stride - half_width;
+        for (uint row = 0u; row <= 2u * half_width; row++)
+            for (uint column = 0u; column <= 2u * half_width; column++)
+                quanta += vload3(first + row * stride + column, sums);
+    }
+    vstore3(convert_float3(quanta) * (inverse_area * watts_per_quantum), texel, texels);
 }
 
 __kernel void irradiance_clear(__global uint *sums, uint count) {

@@ -265,11 +265,12 @@ void store_run(__global float *table, int first, int end, Vec3 v) {
     photon_positions, photon_powers, photon_faces, photon_directions, QUEUE
 #elif defined(HAS_SITES)
 #define PHOTON_PARAMS CHART_PARAMS __global const float *lattice, __global const float *texels, \
-    __global const float *sites, __global const float *site_surfaces,
-#define PHOTONS charts, lattice, texels, sites, site_surfaces,
+    __global const float *lit_points, __global const float *sites, __global const float *site_surfaces,
+#define PHOTONS charts, lattice, texels, lit_points, sites, site_surfaces,
 #elif defined(HAS_FINAL_GATHER)
-#define PHOTON_PARAMS CHART_PARAMS __global const float *lattice, __global const float *texels,
-#define PHOTONS charts, lattice, texels,
+#define PHOTON_PARAMS CHART_PARAMS __global const float *lattice, __global const float *texels, \
+    __global const float *lit_points,
+#define PHOTONS charts, lattice, texels, lit_points,
 #elif defined(HAS_CHARTS)
 #define PHOTON_PARAMS CHART_PARAMS
 #define PHOTONS charts,

@@ -4,7 +4,11 @@
 //! without such an end is bent into one, so that memory is bounded whatever the scene's extent and no photon falls
 //! beside its chart. A texel that other surfaces cut counts only the part that light can reach: irradiance is power over that.
 
+mod window;
+
 use glam::{DVec2, DVec3};
+
+pub use window::Window;
 
 use crate::layout::{Chart, PLANE};
 use crate::pack::Packed;
@@ -21,7 +25,9 @@ const SUBSAMPLES: u32 = 12;
 pub struct Charts {
     /// By object.
     pub records: Vec<Chart>,
-    /// By texel: 1 / (area that light can reach), 1/m²; 0 where it reaches nothing.
+    /// By texel: which texels' photons it counts.
+    pub windows: Vec<Window>,
+    /// By texel: 1 / (area that light can reach in its window), 1/m²; 0 where it reaches nothing of the texel itself.
     pub inverse_areas: Vec<f32>,
 }
 
@@ -135,22 +141,26 @@ impl Charts {
             (wanted.clamp(f64::from(COLUMNS.0), f64::from(COLUMNS.1)) as u32).next_multiple_of(2)
         };
         let mut first = 0;
-        let mut inverse_areas = Vec::new();
+        let (mut windows, mut inverse_areas) = (Vec::new(), Vec::new());
         for (object, placed) in charts.iter_mut().enumerate() {
             let (across, down) = (columns(placed.size.x), columns(placed.size.y));
             let chart = &mut placed.chart;
             (chart.first, chart.columns, chart.rows) = (first as f32, across as f32, down as f32);
             first += 2 * across * down;
-            let areas = match &placed.axes {
-                Some(axes) => plane_areas(&domain, object, axes, chart),
-                None => sphere_areas(&domain, object, across),
+            let texels = match &placed.axes {
+                Some(axes) => plane_texels(&domain, object, axes, chart),
+                None => sphere_texels(&domain, object, across),
             };
-            let inverse = |area: &f64| if *area > 0.0 && area.is_finite() { (1.0 / area) as f32 } else { 0.0 };
+            let inverse = |(texel, own): (usize, &PlacedTexel)| {
+                let area: f64 = own.window.texels(texel).map(|i| texels[i].area).sum();
+                if own.area > 0.0 && area.is_finite() { (1.0 / area) as f32 } else { 0.0 }
+            };
             for _side in 0..2 {
-                inverse_areas.extend(areas.iter().map(inverse));
+                windows.extend(texels.iter().map(|texel| texel.window));
+                inverse_areas.extend(texels.iter().enumerate().map(inverse));
             }
         }
-        Charts { records: charts.into_iter().map(|c| c.chart).collect(), inverse_areas }
+        Charts { records: charts.into_iter().map(|c| c.chart).collect(), windows, inverse_areas }
     }
 
     /// Texels of all charts.
@@ -166,6 +176,13 @@ struct PlacedChart {
     size: DVec2,
     /// A plane's.
     axes: Option<Axes>,
+}
+
+/// A texel of one side.
+struct PlacedTexel {
+    /// That light reaches, m².
+    area: f64,
+    window: Window,
 }
 
 /// Cuts a polygon by `dot(normal, p) <= offset` (Sutherland & Hodgman 1974).
@@ -230,30 +247,34 @@ fn plane_chart(domain: &Domain, object: usize, axes: Axes) -> PlacedChart {
     PlacedChart { chart, size, axes: Some(axes) }
 }
 
-/// Areas that light reaches in a plane's texels, m². `axes` are those of the chart.
-fn plane_areas(domain: &Domain, object: usize, axes: &Axes, chart: &Chart) -> Vec<f64> {
+/// A plane's texels. `axes` are those of the chart.
+fn plane_texels(domain: &Domain, object: usize, axes: &Axes, chart: &Chart) -> Vec<PlacedTexel> {
     let (columns, rows) = (chart.columns as u32, chart.rows as u32);
     let straight = |x: f64| if chart.bend > 0.0 { unbend(x) } else { x };
-    let unit = axes.u.length() * axes.v.length();
-    let mut areas = Vec::with_capacity((columns * rows) as usize);
+    let (unit_u, unit_v) = (axes.u.length(), axes.v.length());
+    let mut texels = Vec::with_capacity((columns * rows) as usize);
     for row in 0..rows {
         for column in 0..columns {
             let at = |i: u32, of: u32, part: f64| straight((f64::from(i) + part) / f64::from(of) * 2.0 - 1.0);
-            let area = (at(column, columns, 1.0) - at(column, columns, 0.0))
-                * (at(row, rows, 1.0) - at(row, rows, 0.0))
-                * unit;
+            let across = (at(column, columns, 1.0) - at(column, columns, 0.0)) * unit_u;
+            let down = (at(row, rows, 1.0) - at(row, rows, 0.0)) * unit_v;
             let point = |x: f64, y: f64| axes.point(DVec2::new(at(column, columns, x), at(row, rows, y)));
-            areas.push(if area.is_finite() { area * reached(domain, object, point) } else { 0.0 });
+            let area = across * down;
+            let area = if area.is_finite() { area * reached(domain, object, point) } else { 0.0 };
+            let (place, size) = ((column, row), (columns, rows));
+            let half_width =
+                window::half_width(domain.packed, object, point(0.5, 0.5), across.max(down), place, size);
+            texels.push(PlacedTexel { area, window: Window { half_width, stride: columns } });
         }
     }
-    areas
+    texels
 }
 
-/// Areas that light reaches in a sphere's texels, m².
-fn sphere_areas(domain: &Domain, object: usize, columns: u32) -> Vec<f64> {
+/// A sphere's texels.
+fn sphere_texels(domain: &Domain, object: usize, columns: u32) -> Vec<PlacedTexel> {
     let sphere = &domain.packed.objects[object];
     let (center, radius) = (vector(sphere.anchor), f64::from(sphere.extent));
-    let mut areas = Vec::with_capacity((columns * columns) as usize);
+    let mut texels = Vec::with_capacity((columns * columns) as usize);
     for row in 0..columns {
         for column in 0..columns {
             let direction = |x: f64, y: f64| {
@@ -269,10 +290,14 @@ fn sphere_areas(domain: &Domain, object: usize, columns: u32) -> Vec<f64> {
                 false => solid_angle(a, b, d) + solid_angle(b, c, d),
             };
             let point = |x: f64, y: f64| center + direction(x, y) * radius;
-            areas.push(solid_angle * radius * radius * reached(domain, object, point));
+            let whole = solid_angle * radius * radius;
+            let (place, size, length) = ((column, row), (columns, columns), whole.sqrt());
+            let half_width = window::half_width(domain.packed, object, point(0.5, 0.5), length, place, size);
+            let window = Window { half_width, stride: columns };
+            texels.push(PlacedTexel { area: whole * reached(domain, object, point), window });
         }
     }
-    areas
+    texels
 }
 
 /// Twin of `octahedral_vector` in `texels.glsl`, in double precision.

@@ -173,6 +173,11 @@ impl Plan {
         self.slots = order.into_iter().map(|(_, slot)| slot).collect();
     }
 
+    /// The light that a path starts from.
+    pub fn light_of(&self, path: u32) -> u32 {
+        self.slots[(path & ((1 << self.slots_log2) - 1)) as usize] >> self.slots_log2
+    }
+
     /// Whether no path can hit anything.
     pub fn is_empty(&self) -> bool {
         self.slots.is_empty()

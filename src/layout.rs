@@ -344,6 +344,30 @@ record! {
         key_low: f32,
         /// Its high 16 bits.
         key_high: f32,
+        /// Lit points.
+        points: f32,
+        /// Density of lit points for each ray and for the irradiance there, summed over the channels; 1/W.
+        points_per_watt: f32,
+        /// Zero.
+        reserved: f32,
+    }
+}
+
+record! {
+    /// A point that light from a point light reaches first. See `final.glsl`.
+    LitPoint, "lit_point" in "lit_points" {
+        /// Scene space.
+        position: [f32; 3],
+        /// Unit, towards the side that is lit.
+        normal: [f32; 3],
+        /// What it brings where rays have no share in it, W/m².
+        irradiance: [f32; 3],
+        /// Density of such points for each ray, 1/m².
+        density: f32,
+        /// What it lies on.
+        object: f32,
+        /// Zero.
+        reserved: f32,
     }
 }
 
@@ -421,6 +445,7 @@ pub const RECORDS: &[Declaration] = &[
     declare::<Chart>(false, 0),
     declare::<Texel>(false, 0),
     declare::<SiteLattice>(true, 0),
+    declare::<LitPoint>(false, 0),
     declare::<Site>(false, 0),
     declare::<SiteSurface>(false, 0),
 ];

@@ -16,12 +16,12 @@ use crate::features::{Features, is_divided};
 use crate::film::Image;
 use crate::gathering::Gathering;
 use crate::gl::{self, Headless};
-use crate::lattice::lattice;
-use crate::layout::{Frame, SiteLattice};
+use crate::lattice::FinalPass;
+use crate::layout::Frame;
 use crate::pack::Packed;
 use crate::radius;
 use crate::scene::Scene;
-use crate::settings::{Backend, Gather, Lattice, LightMode, Method, Settings, Technique};
+use crate::settings::{Backend, FinalGather, Gather, Lattice, LightMode, Method, Settings, Technique};
 use crate::stage::grid::Wanted;
 use crate::stage::irradiance::{IrradianceStage, IrradianceView};
 use crate::stage::map::{MapCounts, MapStage, MapView};
@@ -376,8 +376,8 @@ impl Pipeline {
             times.upload += lap.ms();
         }
         if stale(Stage::Trace) {
-            let lattice = final_gather.map(|gather| lattice(settings, &gather));
-            self.tracer.trace(&frame, indirect(&view, &irradiance, &lattice))?;
+            let pass = final_gather.and_then(|gather| self.final_pass(&packed, &features, settings, &gather));
+            self.tracer.trace(&frame, indirect(&view, &irradiance, &pass))?;
             times.trace = lap.ms();
         }
         times.total = start.elapsed().as_secs_f64() * 1e3;
@@ -446,10 +446,22 @@ impl Pipeline {
         };
         let view = last.photons.filter(|_| final_gather.is_none()).and_then(|_| self.map.view());
         let irradiance = last.photons.and(final_gather).and_then(|_| self.irradiance.view());
-        let lattice = final_gather.map(|gather| lattice(settings, &gather));
+        let pass = final_gather.and_then(|gather| self.final_pass(&last.packed, &last.features, settings, &gather));
         let mut lap = Lap::new();
-        self.tracer.trace(&last.packed.frame(&scene.camera, settings), indirect(&view, &irradiance, &lattice))?;
+        self.tracer.trace(&last.packed.frame(&scene.camera, settings), indirect(&view, &irradiance, &pass))?;
         Ok(lap.ms())
+    }
+
+    /// What final gathering takes along in this pass.
+    fn final_pass(
+        &self,
+        packed: &Packed,
+        features: &Features,
+        settings: &Settings,
+        gather: &FinalGather,
+    ) -> Option<FinalPass> {
+        let plan = self.irradiance.plan()?;
+        Some(FinalPass::new(&SceneTables::new(packed, features), plan, settings, gather))
     }
 
     /// What gathering costs are known for on this backend.
@@ -543,10 +555,10 @@ impl Drop for Pipeline {
 fn indirect<'a>(
     map: &'a Option<MapView>,
     irradiance: &'a Option<IrradianceView>,
-    lattice: &'a Option<SiteLattice>,
+    pass: &'a Option<FinalPass>,
 ) -> Indirect<'a> {
-    match (map, irradiance, lattice) {
-        (_, Some(irradiance), Some(lattice)) => Indirect::Final(irradiance, lattice),
+    match (map, irradiance, pass) {
+        (_, Some(irradiance), Some(pass)) => Indirect::Final(irradiance, pass),
         (Some(map), ..) => Indirect::Map(map),
         _ => Indirect::None,
     }

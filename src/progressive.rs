@@ -108,17 +108,17 @@ impl Progressive {
         let mut settings = Settings { jittered: true, ..self.settings.clone() };
         settings.seed = hash2_u(self.settings.seed, replicate as u32 + 1);
         let first_sample = turn * u64::from(settings.samples);
-        let first_ray = match &mut settings.technique {
-            Technique::FinalGather(gather) => turn * u64::from(gather.rays),
-            Technique::Map => 0,
+        let (first_ray, first_point) = match &settings.technique {
+            Technique::FinalGather(gather) => (turn * u64::from(gather.rays), turn * u64::from(gather.points)),
+            Technique::Map => (0, 0),
         };
-        if first_sample.max(first_ray) + u64::from(settings.samples) >= MAX_EXACT_INDEX {
+        if first_sample.max(first_ray).max(first_point) + u64::from(settings.samples) >= MAX_EXACT_INDEX {
             return Err(Error::Usage(format!("{index} passes: samples can be counted no further in float values")));
         }
         settings.first_sample = first_sample as u32;
         settings.photons.pass = index as u32;
         if let Technique::FinalGather(gather) = &mut settings.technique {
-            gather.first_ray = first_ray as u32;
+            (gather.first_ray, gather.first_point) = (first_ray as u32, first_point as u32);
             gather.texels <<= 2 * texel_level(index);
             // As many photons a texel as before: their noise is that of every ray.
             if let Amount::Paths(paths) = &mut settings.photons.amount {

@@ -152,8 +152,12 @@ pub struct FinalGather {
     pub spacing: u32,
     /// Irradiance texels of one side each of all objects, about.
     pub texels: u32,
+    /// Lit points of a pass, which all sites share.
+    pub points: u32,
     /// Number of a site's first ray, so that passes continue one sequence.
     pub first_ray: u32,
+    /// Number of the first lit point, likewise.
+    pub first_point: u32,
 }
 
 impl FinalGather {
@@ -164,7 +168,7 @@ impl FinalGather {
 impl Default for FinalGather {
     /// Measured on the report's scenes: see the README.
     fn default() -> Self {
-        FinalGather { rays: 32, spacing: 4, texels: 24_576, first_ray: 0 }
+        FinalGather { rays: 32, spacing: 4, texels: 24_576, points: 32, first_ray: 0, first_point: 0 }
     }
 }
 

@@ -45,16 +45,20 @@ Hit closest_hit(SCENE_PARAMS Vec3 origin, Vec3 direction, Int origin_object) {
 }
 
 #ifdef HAS_SHADOWS
-// Whether anything lies between the origin and a light at `distance` along the ray. Planes are only asked where
-// one separates the camera from a light: no other can come between a visible point and its light.
-Bool occluded(SCENE_PARAMS Vec3 origin, Vec3 light, Vec3 direction, Real distance, Int origin_object) {
+// Whether anything lies between the origin and a light at `distance` along the ray, or a lit point on `target_object`
+// (NO_OBJECT for a light). Both ends face each other, so neither end's own object, convex as all are, comes between.
+// Planes are only asked where one separates the camera from a light: no other can come between a visible point and
+// its light, or what that light sees.
+Bool occluded(SCENE_PARAMS Vec3 origin, Vec3 light, Vec3 direction, Real distance, Int origin_object, int target_object) {
     // Half an ulp of the distance: a light that lies on a sphere is not shadowed by it.
     Real reach = distance * 0.9999999f;
     Bool blocked = NO_LANE;
 #ifdef HAS_SPHERE_SHADOWS
-    for (int i = 0; i < SPHERE_COUNT; i++)
+    for (int i = 0; i < SPHERE_COUNT; i++) {
+        if (i == target_object) continue;
         blocked = blocked ||
             hit_sphere(origin, direction, object_anchor_same(i), object_extent_same(i), origin_object == i) < reach;
+    }
 #endif
 #ifdef HAS_PLANE_SHADOWS
     // By sides rather than distances, which lose all digits where a ray grazes a plane that the light lies on.
@@ -65,7 +69,7 @@ Bool occluded(SCENE_PARAMS Vec3 origin, Vec3 light, Vec3 direction, Real distanc
         Real there = dot3(object_anchor_same(i), light) - offset;
         // A light within rounding of the plane (a few ulps of the numbers that cancel) lies on it.
         Bool behind = here * there < 0.0f && fabs(there) > 1e-6f * (size + fabs(offset));
-        blocked = blocked || (behind && origin_object != i);
+        blocked = blocked || (behind && origin_object != i && target_object != i);
     }
 #endif
     return blocked;

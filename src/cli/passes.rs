@@ -41,6 +41,9 @@ pub struct PassOptions {
     /// Rays of a site of final gathering in one pass
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
     pub rays: Option<u32>,
+    /// Points that light reaches first, a pass, which all sites take light from
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=4096))]
+    pub points: Option<u32>,
     /// Pixels from site to site of final gathering; 1: every sample gathers for itself
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..=64))]
     pub spacing: Option<u32>,
@@ -98,9 +101,10 @@ impl PassOptions {
         };
         match &mut settings.technique {
             Technique::FinalGather(gather) => {
-                let FinalGather { rays, spacing, .. } = *gather;
+                let FinalGather { rays, points, spacing, .. } = *gather;
                 *gather = FinalGather {
                     rays: self.rays.unwrap_or(rays),
+                    points: self.points.unwrap_or(points),
                     spacing: self.spacing.unwrap_or(spacing),
                     ..*gather
                 };
@@ -109,8 +113,8 @@ impl PassOptions {
                 }
                 Ok(())
             }
-            Technique::Map if self.rays.is_some() || self.spacing.is_some() => {
-                Err(Error::Usage("--rays and --spacing belong to --technique final-gather".into()))
+            Technique::Map if self.rays.or(self.spacing).or(self.points).is_some() => {
+                Err(Error::Usage("--rays, --points and --spacing belong to --technique final-gather".into()))
             }
             Technique::Map => Ok(()),
         }

@@ -10,9 +10,9 @@ use super::intersect::INFINITE;
 use super::random::{hash_u, hash2_u, sequence_u};
 use super::scene::{SceneTables, Surface};
 use super::texels::texel_of;
-use super::trace::direct_light;
+use super::trace::{Incident, incident_light};
 use super::walk::sample_cosine;
-use crate::layout::{Chart, Frame, Site, SiteLattice, SiteSurface, Texel};
+use crate::layout::{Chart, Frame, LitPoint, Site, SiteLattice, SiteSurface, Texel};
 
 /// Steps of Roberts' R₂ sequence in 32-bit fixed point.
 pub const R2_STEPS: [u32; 2] = [3_242_174_889, 2_447_445_414];
@@ -26,16 +26,58 @@ pub struct Gatherer<'a> {
     pub texels: &'a [Texel],
     /// Where the sites lie, and the rays of each.
     pub lattice: &'a SiteLattice,
+    /// Where light arrives first.
+    pub points: &'a [LitPoint],
     /// The sites, where pixels take their irradiance from these.
     pub sites: Option<(&'a [Site], &'a [SiteSurface])>,
 }
 
-/// Radiance that leaves a surface towards where it is seen from: direct light, and photons' from its texel.
-fn radiance_seen(scene: &SceneTables, gatherer: &Gatherer, surface: &Surface, to_viewer: Vec3) -> Vec3 {
-    let object = &scene.objects[surface.object];
-    let diffuse = Vec3::from(object.color) * (object.diffuse * FRAC_1_PI);
-    let texel = texel_of(scene, gatherer.charts, surface);
-    direct_light(scene, surface, to_viewer) + diffuse * Vec3::from(gatherer.texels[texel].irradiance)
+/// Share of the rays in what a point that light falls on directly brings (balance heuristic: Veach & Guibas 1995).
+fn share_of_rays(facing: f32, density: f32, distance2: f32) -> f32 {
+    let facing = facing.max(0.0);
+    facing / (facing + density * distance2).max(1e-30)
+}
+
+/// What the lit points bring, W/m².
+fn from_lit_points(scene: &SceneTables, gatherer: &Gatherer, to: &Surface) -> Vec3 {
+    let mut sum = Vec3::ZERO;
+    for point in &gatherer.points[..gatherer.lattice.points as usize] {
+        let (position, object) = (Vec3::from(point.position), point.object as usize);
+        let towards = position - to.position;
+        let distance2 = towards.dot(towards);
+        let distance = distance2.sqrt();
+        let direction = towards * (1.0 / distance);
+        let cosine = to.normal.dot(direction);
+        let cosine_there = 0.0 - Vec3::from(point.normal).dot(direction);
+        let faces = cosine > 0.0 && cosine_there > 0.0 && (to.object != object || object < scene.sphere_count);
+        if faces && !scene.occluded(to.position, position, direction, distance, to.object, Some(object)) {
+            let facing = cosine * cosine_there * FRAC_1_PI;
+            sum += Vec3::from(point.irradiance) * share_of_rays(facing, point.density, distance2);
+        }
+    }
+    sum
+}
+
+/// Radiance that leaves a surface against a ray: direct light, as far as rays have a share in it, and photons' from
+/// its texel.
+fn radiance_seen(
+    scene: &SceneTables,
+    gatherer: &Gatherer,
+    from: &Surface,
+    direction: Vec3,
+    distance: f32,
+    seen: &Surface,
+) -> Vec3 {
+    let object = &scene.objects[seen.object];
+    let mut irradiance = Vec3::from(gatherer.texels[texel_of(scene, gatherer.charts, seen)].irradiance);
+    let facing = 0.0 - from.normal.dot(direction) * seen.normal.dot(direction) * FRAC_1_PI;
+    for light in scene.lights {
+        if let Some(Incident { irradiance: direct, .. }) = incident_light(scene, seen, light) {
+            let density = gatherer.lattice.points_per_watt * (direct.x + direct.y + direct.z);
+            irradiance += direct * share_of_rays(facing, density, distance * distance);
+        }
+    }
+    Vec3::from(object.color) * (object.diffuse * FRAC_1_PI) * irradiance
 }
 
 /// Indirect irradiance at a point, W/m².
@@ -50,10 +92,10 @@ pub fn final_gather(scene: &SceneTables, gatherer: &Gatherer, from: &Surface, ke
         let direction = sample_cosine(from.normal, height, turn);
         if let Some(hit) = scene.closest_hit(from.position, direction, Some(from.object)) {
             let seen = scene.surface_at(from.position, direction, hit);
-            sum += radiance_seen(scene, gatherer, &seen, -direction);
+            sum += radiance_seen(scene, gatherer, from, direction, hit.t, &seen);
         }
     }
-    sum * (PI / rays as f32)
+    sum * (PI / rays as f32) + from_lit_points(scene, gatherer, from)
 }
 
 fn face_of(surface: &Surface) -> f32 {

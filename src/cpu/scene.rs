@@ -75,11 +75,21 @@ impl<'a> SceneTables<'a> {
         (closest.object != usize::MAX).then_some(closest)
     }
 
-    /// Whether anything lies between the origin and a light at `distance` along the ray.
-    pub fn occluded(&self, origin: Vec3, light: Vec3, direction: Vec3, distance: f32, origin_object: usize) -> bool {
+    /// Whether anything lies between the origin and a light at `distance` along the ray, or a lit point on
+    /// `target_object` (`None` for a light).
+    pub fn occluded(
+        &self,
+        origin: Vec3,
+        light: Vec3,
+        direction: Vec3,
+        distance: f32,
+        origin_object: usize,
+        target_object: Option<usize>,
+    ) -> bool {
         // Half an ulp of the distance: a light that lies on a sphere is not shadowed by it.
         let reach = distance * 0.999_999_9;
-        if (0..self.sphere_count).any(|i| self.hit(i, origin, direction, Some(origin_object)) < reach) {
+        let others = (0..self.sphere_count).filter(|i| Some(*i) != target_object);
+        if others.map(|i| self.hit(i, origin, direction, Some(origin_object))).any(|t| t < reach) {
             return true;
         }
         // By sides rather than distances, which lose all digits where a ray grazes a plane that the light lies on.
@@ -90,7 +100,7 @@ impl<'a> SceneTables<'a> {
             here * there < 0.0 && there.abs() > 1e-6 * (size + plane.extent.abs())
         };
         let planes = || self.objects.iter().enumerate().skip(self.sphere_count);
-        self.features.plane_shadows && planes().any(|(i, plane)| i != origin_object && between(plane))
+        self.features.plane_shadows && planes().any(|(i, plane)| i != origin_object && Some(i) != target_object && between(plane))
     }
 
     /// A hit point an ulp beside an edge, put back to the side of the other plane on which the ray travelled.

@@ -9,7 +9,7 @@ use super::photons::{stream_of, walk_photons};
 use super::random::unit_real;
 use super::scene::{SceneTables, Surface};
 use super::walk::number_u;
-use crate::charts::Charts;
+use crate::charts::{Charts, Window};
 use crate::emission::{Emission, Plan, Quanta};
 use crate::layout::{Chart, Texel};
 
@@ -55,9 +55,11 @@ pub fn irradiance(scene: &SceneTables, plan: &Plan, charts: &Charts, emission: &
             }
         });
     });
-    let texel = |(i, inverse_area): (usize, &f32)| {
+    let texel = |(i, (inverse_area, window)): (usize, (&f32, &Window))| {
         let scale = inverse_area * quanta.watts;
-        Texel { irradiance: [0, 1, 2].map(|channel| sums[3 * i + channel].load(Ordering::Relaxed) as f32 * scale) }
+        let quanta = |channel: usize| window.texels(i).map(|i| sums[3 * i + channel].load(Ordering::Relaxed)).sum::<u32>();
+        let irradiance = if *inverse_area > 0.0 { [0, 1, 2].map(|channel| quanta(channel) as f32 * scale) } else { [0.0; 3] };
+        Texel { irradiance }
     };
-    charts.inverse_areas.iter().enumerate().map(texel).collect()
+    charts.inverse_areas.par_iter().zip(&charts.windows).enumerate().map(texel).collect()
 }

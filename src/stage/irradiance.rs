@@ -36,6 +36,7 @@ struct DeviceScene {
     paths: Paths,
     charts: Buffer<Chart>,
     inverse_areas: Buffer<f32>,
+    windows: Buffer<u32>,
     sums: Buffer<[u32; 3]>,
     texels: Buffer<Texel>,
 }
@@ -102,8 +103,10 @@ impl IrradianceStage {
                         [kernel("irradiance_splat")?, kernel("irradiance_resolve")?, kernel("irradiance_clear")?];
                     stage.kernels = Some((made_for, kernels));
                 }
+                let windows: Vec<u32> = charts.windows.iter().map(|window| window.packed()).collect();
                 stage.scene = Some(DeviceScene {
                     paths,
+                    windows: Buffer::from_slice(context, &windows)?,
                     charts: Buffer::from_slice(context, &charts.records)?,
                     inverse_areas: Buffer::from_slice(context, &charts.inverse_areas)?,
                     sums: Buffer::new(context, charts.texels())?,
@@ -146,7 +149,8 @@ impl IrradianceStage {
                 }
                 let texels = Arg::from(&scene.texels);
                 let areas = Arg::from(&scene.inverse_areas);
-                let args = [sums, areas, quanta.watts.into(), texels, Arg::Uint(count as u32)];
+                let windows = Arg::from(&scene.windows);
+                let args = [sums, areas, windows, quanta.watts.into(), texels, Arg::Uint(count as u32)];
                 context.launch(resolve, &args, &[count], None)?;
                 context.finish()?;
             }
@@ -170,6 +174,14 @@ impl IrradianceStage {
                 let (.., charts) = stage.scene.as_ref()?;
                 Some(IrradianceView::Host { charts: &charts.records, texels: &stage.texels })
             }
+        }
+    }
+
+    /// How the lights share the paths.
+    pub fn plan(&self) -> Option<&Plan> {
+        match self {
+            IrradianceStage::Device(stage) => stage.scene.as_ref().map(|scene| &scene.paths.plan),
+            IrradianceStage::Host(stage) => stage.scene.as_ref().map(|(_, _, plan, _)| plan),
         }
     }
 

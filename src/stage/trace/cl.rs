@@ -7,7 +7,7 @@ use crate::cl::{Arg, Buffer, Context, Kernel};
 use crate::error::Result;
 use crate::film::Image;
 use crate::gathering::Gathering;
-use crate::layout::{Frame, Light, Object, Site, SiteLattice, SiteSurface};
+use crate::layout::{Frame, Light, LitPoint, Object, Site, SiteLattice, SiteSurface};
 use crate::pack::Packed;
 use crate::source::{Options, assemble};
 use crate::stage::irradiance::IrradianceView;
@@ -21,6 +21,7 @@ pub struct ClTrace {
     frame: Buffer<Frame>,
     film: Option<(u32, u32, Buffer<[f32; 3]>)>,
     lattice: Buffer<SiteLattice>,
+    points: Option<Buffer<LitPoint>>,
     sites: Option<(Buffer<Site>, Buffer<SiteSurface>)>,
     active: Option<Compiled>,
 }
@@ -43,8 +44,8 @@ impl ClTrace {
     /// [`crate::error::Error::Device`] when the device has no room.
     pub fn new(context: Rc<Context>) -> Result<ClTrace> {
         let (frame, lattice) = (Buffer::new(&context, 1)?, Buffer::new(&context, 1)?);
-        let (objects, lights, film, sites, active) = Default::default();
-        Ok(ClTrace { context, objects, lights, frame, film, lattice, sites, active })
+        let (objects, lights, film, points, sites, active) = Default::default();
+        Ok(ClTrace { context, objects, lights, frame, film, lattice, points, sites, active })
     }
 }
 
@@ -115,9 +116,16 @@ impl Trace for ClTrace {
                 let photons = grid.args(stored.as_ref(), gathering.method);
                 args.extend(photons.ok_or_else(|| out_of_order("OpenCL"))?);
             }
-            (None, Indirect::Final(IrradianceView::Device { charts, texels, .. }, lattice)) => {
+            (None, Indirect::Final(IrradianceView::Device { charts, texels, .. }, pass)) => {
+                let lattice = &pass.lattice;
                 self.lattice.write(&self.context, std::slice::from_ref(lattice))?;
-                args.extend([Arg::from(*charts), (&self.lattice).into(), (*texels).into()]);
+                let points = match self.points.take().filter(|points| points.len() >= pass.points.len()) {
+                    Some(points) => points,
+                    None => Buffer::new(&self.context, pass.points.len())?,
+                };
+                let points = self.points.insert(points);
+                points.write(&self.context, &pass.points)?;
+                args.extend([Arg::from(*charts), (&self.lattice).into(), (*texels).into(), (&*points).into()]);
                 if let Some(kernel) = &active.sites {
                     let count = lattice.columns as usize * lattice.rows as usize;
                     if self.sites.as_ref().is_none_or(|(sites, _)| sites.len() < count) {

@@ -59,8 +59,9 @@ impl Trace for CpuTrace {
                 let tiles = tiles.filter(|_| gathering.method.is_tiled());
                 cpu::trace::Indirect::Map(PhotonMap { gathering, plan, stored: *stored, grid, tiles })
             }
-            (Indirect::Final(IrradianceView::Host { charts, texels }, lattice), None, Some(sited)) => {
-                let gatherer = Gatherer { charts, texels, lattice, sites: None };
+            (Indirect::Final(IrradianceView::Host { charts, texels }, pass), None, Some(sited)) => {
+                let (lattice, points) = (&pass.lattice, &pass.points);
+                let gatherer = Gatherer { charts, texels, lattice, points, sites: None };
                 if sited {
                     self.sites = self.pool.install(|| cpu::final_gather::sites(&scene, &gatherer, frame));
                 }

@@ -11,6 +11,7 @@ use crate::film::Image;
 use crate::gathering::{Gathering, Method};
 use crate::gl::{Functions, Program, TableTexture, Target};
 use crate::layout::{Frame, Light, Object, Record, TEXTURE_WIDTH_LOG2};
+use crate::lattice::FinalPass;
 use crate::pack::Packed;
 use crate::source::{Options, assemble};
 use crate::stage::irradiance::IrradianceView;
@@ -126,8 +127,9 @@ impl GlTrace {
         // number.
         let mut fixed = objects * (4 + lights) + lights + 64;
         let mut candidates = 0;
-        if let Indirect::Final(_, lattice) = indirect {
+        if let Indirect::Final(_, FinalPass { lattice, .. }) = indirect {
             fixed += lattice.rays as u64 * (objects * (2 + lights) + lights + 1);
+            fixed += lattice.points as u64 * (objects + 1);
         }
         if let Indirect::Map(_) = indirect {
             let across = cells_across(self.photons.gather());
@@ -211,10 +213,13 @@ impl Trace for GlTrace {
         let Some(active) = self.active else { return Err(out_of_order("OpenGL")) };
         let draws = self.draws(frame, &indirect)?;
         self.program(&active, draws.slices > 1)?;
-        if let (Indirect::Final(_, lattice), Some(true)) = (indirect, active.final_gather) {
+        if let Indirect::Final(_, pass) = indirect {
+            self.finals.fill_points(&pass.points)?;
+        }
+        if let (Indirect::Final(_, FinalPass { lattice, .. }), Some(true)) = (indirect, active.final_gather) {
             let Some(program) = self.site_programs.get(&active.features) else { return Err(out_of_order("OpenGL")) };
-            program.activate(&self.samplers(&FinalTextures::SAMPLERS[..2]));
-            self.bind_scene(program, frame, 2);
+            program.activate(&self.samplers(&FinalTextures::SAMPLERS[..3]));
+            self.bind_scene(program, frame, 3);
             program.set_records(std::slice::from_ref(lattice));
             self.finals.draw_sites(program, lattice)?;
         }
@@ -231,8 +236,8 @@ impl Trace for GlTrace {
         match indirect {
             Indirect::None => {}
             Indirect::Map(_) => self.photons.bind(program, 0),
-            Indirect::Final(_, lattice) => {
-                program.set_records(std::slice::from_ref(lattice));
+            Indirect::Final(_, pass) => {
+                program.set_records(std::slice::from_ref(&pass.lattice));
                 self.finals.bind(0, active.final_gather == Some(true));
             }
         }

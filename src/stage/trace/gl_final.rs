@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::gl::{Functions, Program, TableTexture, Target};
-use crate::layout::{Chart, Record, Site, SiteLattice, SiteSurface, TEXTURE_WIDTH_LOG2, Texel};
+use crate::layout::{Chart, LitPoint, Record, Site, SiteLattice, SiteSurface, TEXTURE_WIDTH_LOG2, Texel};
 use crate::stage::irradiance::IrradianceView;
 
 /// What final gathering reads, as textures.
@@ -10,13 +10,15 @@ pub struct FinalTextures {
     gl: Functions,
     charts: TableTexture,
     texels: TableTexture,
+    points: TableTexture,
     /// Irradiance and surfaces of the sites; rows of a table's width.
     sites: Option<(u32, Target)>,
 }
 
 impl FinalTextures {
     /// The samplers of `final.glsl`, in the order of their texture units.
-    pub const SAMPLERS: [&str; 4] = [Chart::TABLE, Texel::TABLE, Site::TABLE, SiteSurface::TABLE];
+    pub const SAMPLERS: [&str; 5] =
+        [Chart::TABLE, Texel::TABLE, LitPoint::TABLE, Site::TABLE, SiteSurface::TABLE];
 
     /// Empty tables on the current context.
     ///
@@ -24,7 +26,7 @@ impl FinalTextures {
     /// [`Error::Device`] when the driver gives no textures.
     pub fn new(gl: &Functions) -> Result<FinalTextures> {
         let table = || TableTexture::new(gl, TEXTURE_WIDTH_LOG2);
-        Ok(FinalTextures { gl: gl.clone(), charts: table()?, texels: table()?, sites: None })
+        Ok(FinalTextures { gl: gl.clone(), charts: table()?, texels: table()?, points: table()?, sites: None })
     }
 
     /// Takes over irradiance texels.
@@ -38,17 +40,26 @@ impl FinalTextures {
         Ok(2)
     }
 
-    /// Binds charts and texels, and the sites once they are drawn, from a texture unit on.
+    /// Takes over a pass's lit points.
+    ///
+    /// # Errors
+    /// As [`FinalTextures::fill`].
+    pub fn fill_points(&mut self, points: &[LitPoint]) -> Result<()> {
+        self.points.fill(points)
+    }
+
+    /// Binds charts, texels and lit points, and the sites once they are drawn, from a texture unit on.
     pub fn bind(&self, first: u32, sites: bool) {
         self.charts.bind(first);
         self.texels.bind(first + 1);
+        self.points.bind(first + 2);
         if let (true, Some((_, target))) = (sites, &self.sites) {
-            target.bind(0, first + 2);
-            target.bind(1, first + 3);
+            target.bind(0, first + 3);
+            target.bind(1, first + 4);
         }
     }
 
-    /// Draws the sites with the active program, whose first two samplers are charts and texels.
+    /// Draws the sites with the active program, whose first three samplers are charts, texels and lit points.
     ///
     /// # Errors
     /// [`Error::Device`] when the driver refuses the size or reports an error.
@@ -69,6 +80,6 @@ impl FinalTextures {
 
     /// Bytes on the device.
     pub fn bytes(&self) -> usize {
-        self.charts.bytes() + self.texels.bytes() + self.sites.as_ref().map_or(0, |(_, target)| target.bytes())
+        self.charts.bytes() + self.texels.bytes() + self.points.bytes() + self.sites.as_ref().map_or(0, |(_, target)| target.bytes())
     }
 }

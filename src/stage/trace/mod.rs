@@ -15,7 +15,8 @@ use crate::error::{Error, Result};
 use crate::features::Features;
 use crate::film::Image;
 use crate::gathering::Gathering;
-use crate::layout::{Frame, MAX_EXACT_INDEX, SiteLattice};
+use crate::lattice::FinalPass;
+use crate::layout::{Frame, MAX_EXACT_INDEX};
 use crate::pack::Packed;
 
 /// What is compiled for a picture: the scene's features and, with photons, how they are gathered.
@@ -48,8 +49,8 @@ pub enum Indirect<'a> {
     None,
     /// Density estimates of the map uploaded last.
     Map(&'a MapView<'a>),
-    /// Final gathering: the texels uploaded last, and the pass's lattice.
-    Final(&'a IrradianceView<'a>, &'a SiteLattice),
+    /// Final gathering: the texels uploaded last, and what belongs to the pass.
+    Final(&'a IrradianceView<'a>, &'a FinalPass),
 }
 /// Called between the parts of a picture; false: the rest is not wanted.
 pub type Pause = std::rc::Rc<dyn Fn() -> bool>;
