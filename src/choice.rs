@@ -51,26 +51,27 @@ impl Class {
         }
     }
 
-    /// Nanoseconds of one of each of [`TERMS`]: only their ratios matter. Fitted by `bench --suite choice` to rows of two
-    /// cores that others used too (PoCL, llvmpipe, the twin); those of GPUs are estimates.
+    /// Nanoseconds of one of each of [`TERMS`]: only their ratios matter. Fitted by `bench --suite choice`, on two cores
+    /// of a Xeon (PoCL, llvmpipe, the twin) and on an H100. A cost of 0 is one that others of the terms account for.
     pub fn costs(self) -> &'static Counts {
         match self {
             Class::Cpu => {
                 &[960.0, 60.0, 5.0, 5.0, 571.0, 2200.0, 6.0, 8.0, 400.0, 0.0, 240.0, 0.0, 0.0, 100.0, 540.0, 50.0, 0.0]
             }
             Class::OpenClLanes => &[
-                48.0, 0.0, 0.42, 0.66, 69.0, 376.0, 0.75, 0.94, 46.0, 0.0, 190.0, 0.0, 0.0, 153.0, 213.0, 30.0, 8200.0,
+                0.0, 0.0, 0.063, 0.227, 1.67, 6.81, 0.64, 0.345, 2.96, 9.3e5, 51.9, 1.41, 3.0e5, 5.0, 139.0, 38.8, 0.0,
             ],
-            Class::OpenClGpu => {
-                &[0.2, 0.005, 0.005, 0.02, 0.03, 0.1, 0.03, 0.013, 0.03, 0.0, 1.2, 0.0, 1e6, 1.5, 1.5, 0.2, 0.0]
-            }
+            Class::OpenClGpu => &[
+                0.0, 0.0, 0.0012, 0.0033, 0.0, 0.1, 0.0014, 0.0012, 0.083, 4.7e5, 1.08, 0.041, 1.15e6, 1.62, 1.61,
+                1.97, 97.6,
+            ],
             Class::OpenGlSoftware => &[
-                290.0, 40.0, 25.0, 35.0, 1190.0, 5420.0, 18.0, 35.0, 400.0, 0.0, 100.0, 0.0, 0.0, 100.0, 1260.0, 0.0,
-                16000.0,
+                10.4, 0.0, 11.3, 30.6, 36.6, 102.0, 38.3, 51.7, 11.4, 2.86e7, 39.2, 0.0, 3.4e4, 90.8, 1140.0, 0.0, 0.0,
             ],
-            Class::OpenGlGpu => {
-                &[0.5, 0.02, 0.02, 0.15, 0.3, 1.0, 0.2, 0.1, 0.3, 0.0, 5.0, 0.0, 1e6, 5.0, 5.0, 0.5, 0.0]
-            }
+            Class::OpenGlGpu => &[
+                3.26, 0.041, 0.038, 0.067, 0.0, 1.07, 0.117, 0.148, 0.12, 9.7e5, 8.14, 2.85, 5.74e6, 11.2, 0.0, 11.3,
+                948.0,
+            ],
         }
     }
 
@@ -371,23 +372,31 @@ fn regret(settings: &[Vec<Taken>], costs: &Counts) -> f64 {
     settings.iter().map(of).sum::<f64>() / settings.len().max(1) as f64
 }
 
+/// What leaving the costs that fit the times is worth: a regret of 0.05% for a cost that is e times another.
+const LEAVING: f64 = 5e-4;
+
 /// Costs by which the methods that take least are chosen: from those that [`fit`] the times, steps of each cost as long
-/// as these lower the [`regret`]. A setting is the methods that were measured for it.
+/// as these lower the [`regret`] by more than they lead away. A setting is the methods that were measured for it.
 pub fn fit_choice(settings: &[Vec<Taken>]) -> Counts {
     let mut costs = fit(&settings.concat());
-    let mut least = regret(settings, &costs);
     let typical = |term: usize, costs: &Counts| {
         // A cost of 0 cannot be stepped from: a thousandth of the longest time's share is where it begins.
         let most = settings.iter().flatten().map(|taken| taken.counts[term]).fold(0.0, f64::max);
         let longest = settings.iter().flatten().map(|taken| taken.ms).fold(0.0, f64::max);
         if costs[term] > 0.0 || most == 0.0 { costs[term] } else { 1e-3 * longest * 1e6 / most }
     };
+    let begun: Counts = std::array::from_fn(|term| typical(term, &costs));
+    let lost = |costs: &Counts| {
+        let away = costs.iter().zip(&begun).filter(|(cost, _)| **cost > 0.0).map(|(cost, begun)| (cost / begun).ln());
+        regret(settings, costs) + LEAVING * away.map(|ln| ln * ln).sum::<f64>()
+    };
+    let mut least = lost(&costs);
     for step in [2.0, 1.5, 1.2, 1.1, 1.05].into_iter().flat_map(|step: f64| [step; 12]) {
         for term in 0..TERMS.len() {
             for factor in [step, 1.0 / step] {
                 let mut other = costs;
                 other[term] = typical(term, &costs) * factor;
-                let lost = regret(settings, &other);
+                let lost = lost(&other);
                 if lost < least {
                     (costs, least) = (other, lost);
                 }

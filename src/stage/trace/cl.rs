@@ -56,14 +56,11 @@ impl Trace for ClTrace {
         }
         let device_lanes = self.context.device.lanes;
         let lanes = permutation.gathering.map_or(device_lanes, |gathering| gathering.lanes(device_lanes));
-        let grouped = permutation.gathering.is_some_and(|gathering| gathering.is_grouped(lanes));
-        let queue = std::env::var("PHOTILE_QUEUE").ok().and_then(|q| q.parse().ok()).unwrap_or(QUEUE_LENGTH);
+        let is_gpu = self.context.device.is_gpu;
+        let grouped = permutation.gathering.is_some_and(|gathering| gathering.is_grouped(lanes, is_gpu));
         let mut defines = permutation.defines();
-        if grouped {
-            defines.extend(["GATHER_GROUP".into(), format!("QUEUE_LENGTH {queue}")]);
-        }
-        let vectors = if permutation.features.glossy { 3 } else { 2 };
-        let queue = grouped.then_some(vectors * queue * size_of::<[f32; 4]>());
+        defines.extend(grouped.then(Gathering::group_defines).into_iter().flatten());
+        let queue = grouped.then(|| Gathering::queue_bytes(permutation.features.glossy));
         let options = Options { lanes, defines, ..Options::default() };
         let kernel = self.context.kernel(&assemble("trace.cl", Some(&permutation.features), &options), "trace")?;
         let sites = match permutation.final_gather {
@@ -161,9 +158,6 @@ impl Trace for ClTrace {
         0 // the context counts its buffers
     }
 }
-
-/// Photons of a work-group's queue: measured at 64, 128 and 256.
-const QUEUE_LENGTH: usize = 128;
 
 /// The pixels that a work-item's lanes cover, across and down: as `LANE_COLUMNS` and `LANE_ROWS` in `shim.cl`.
 fn block(lanes: u32) -> (u32, u32) {
