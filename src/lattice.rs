@@ -48,7 +48,9 @@ fn lattice(settings: &Settings, gather: &FinalGather) -> SiteLattice {
         columns: sites(settings.width),
         rows: sites(settings.height),
         rays: gather.rays as f32,
-        first_ray: gather.first_ray as f32,
+        // Without sites every sample does their work.
+        own_rays: if gather.spacing > 1 { gather.own_rays } else { gather.rays } as f32,
+        turn: gather.turn as f32,
         key_low: (settings.seed & 0xffff) as f32,
         key_high: (settings.seed >> 16) as f32,
         ..SiteLattice::default()
@@ -74,8 +76,9 @@ fn lit_points(scene: &SceneTables, plan: &Plan, settings: &Settings, gather: &Fi
     let emitters = plan.emitters(round);
     let per_watt = points_per_watt(scene, gather);
     let stream = hash_u(settings.seed);
-    let paths = gather.first_point..gather.first_point + gather.points;
-    let lit = paths.filter_map(|path| {
+    let first = gather.turn.wrapping_mul(gather.points);
+    let lit = (0..gather.points).filter_map(|number| {
+        let path = first.wrapping_add(number);
         let photon = emit_photon(plan, &emitters, Sampler::Sequence, path, stream);
         let hit = scene.closest_hit(photon.position, photon.direction, None)?;
         let surface = scene.surface_at(photon.position, photon.direction, hit);

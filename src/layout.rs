@@ -336,20 +336,20 @@ record! {
         columns: f32,
         /// Rows of sites.
         rows: f32,
-        /// Rays of a site, and of a pixel that gathers for itself.
+        /// Rays of a site.
         rays: f32,
-        /// Number of the first of them in their sequence.
-        first_ray: f32,
+        /// Rays of a sample that gathers for itself.
+        own_rays: f32,
+        /// How many passes have gone on in the same sequences before.
+        turn: f32,
         /// Low 16 bits of the key of all sites' sequences.
         key_low: f32,
         /// Its high 16 bits.
         key_high: f32,
         /// Lit points.
         points: f32,
-        /// Density of lit points for each ray and for the irradiance there, summed over the channels; 1/W.
+        /// Density of lit points for each ray of a site and for the irradiance there, summed over the channels; 1/W.
         points_per_watt: f32,
-        /// Zero.
-        reserved: f32,
     }
 }
 
@@ -360,9 +360,9 @@ record! {
         position: [f32; 3],
         /// Unit, towards the side that is lit.
         normal: [f32; 3],
-        /// What it brings where rays have no share in it, W/m².
+        /// What it brings to a site where rays have no share in it, W/m².
         irradiance: [f32; 3],
-        /// Density of such points for each ray, 1/m².
+        /// Density of such points for each ray of a site, 1/m².
         density: f32,
         /// What it lies on.
         object: f32,

@@ -525,7 +525,7 @@ impl Pipeline {
             Technique::Map => None,
             Technique::FinalGather(gather) => Some((gather.spacing > 1, gather.texels)),
         };
-        let size = |s: &Settings| (s.width, s.height, s.samples, s.first_sample, s.jittered, s.seed);
+        let size = |s: &Settings| (s.width, s.height, s.samples, s.first_sample, s.jittered, s.seed, s.pixel_seed);
         let emitted = |s: &Settings| (s.photons, s.seed, s.light);
         Change::CAMERA
             .when(before.camera != scene.camera || size(was) != size(settings))

@@ -148,16 +148,16 @@ pub enum Technique {
 pub struct FinalGather {
     /// Rays of a site in one pass.
     pub rays: u32,
+    /// Rays of a sample that gathers for itself, because no site is near enough.
+    pub own_rays: u32,
     /// Pixels from site to site; 1: every sample of a pixel is a site of its own.
     pub spacing: u32,
     /// Irradiance texels of one side each of all objects, about.
     pub texels: u32,
     /// Lit points of a pass, which all sites share.
     pub points: u32,
-    /// Number of a site's first ray, so that passes continue one sequence.
-    pub first_ray: u32,
-    /// Number of the first lit point, likewise.
-    pub first_point: u32,
+    /// How many passes came before: they go on in the same sequences of rays and lit points.
+    pub turn: u32,
 }
 
 impl FinalGather {
@@ -168,7 +168,7 @@ impl FinalGather {
 impl Default for FinalGather {
     /// Measured on the report's scenes: see the README.
     fn default() -> Self {
-        FinalGather { rays: 32, spacing: 4, texels: 24_576, points: 32, first_ray: 0, first_point: 0 }
+        FinalGather { rays: 32, own_rays: 8, spacing: 4, texels: 24_576, points: 32, turn: 0 }
     }
 }
 
@@ -187,6 +187,8 @@ pub struct Settings {
     pub jittered: bool,
     /// Keys every random number.
     pub seed: u32,
+    /// Keys the subpixel positions instead, where several seeds share one sequence of these.
+    pub pixel_seed: Option<u32>,
     /// Who carries direct light.
     pub light: LightMode,
     /// How many photons.
@@ -245,6 +247,7 @@ impl Default for Settings {
             first_sample: 0,
             jittered: false,
             seed: 0,
+            pixel_seed: None,
             light: LightMode::default(),
             photons: Photons { amount: Amount::Paths(200_000), pass: 0, sampler: Sampler::default() },
             gather: Gather {

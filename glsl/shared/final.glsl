@@ -23,8 +23,8 @@ INLINE Real share_of_rays(Real facing, Real density, Real distance2) {
     return facing / max(facing + density * distance2, lanes(1.0e-30f));
 }
 
-// What the lit points bring, W/m².
-INLINE Vec3 from_lit_points(SCENE_PARAMS Surface to, Bool wanted) {
+// What the lit points bring, W/m². `fewer`: how many times fewer rays than a site's come to the same place.
+INLINE Vec3 from_lit_points(SCENE_PARAMS Surface to, Bool wanted, float fewer) {
     Vec3 sum = make3(lanes(0.0f), lanes(0.0f), lanes(0.0f));
     int points = count_of(lattice_points());
     for (int i = 0; i < points; i++) {
@@ -42,7 +42,8 @@ INLINE Vec3 from_lit_points(SCENE_PARAMS Surface to, Bool wanted) {
         if (any_lane(lit)) lit = lit && !occluded(SCENE to.position, position, direction, distance, to.object, object);
 #endif
         Real facing = cosine * cosine_there * INV_PI;
-        Vec3 brought = scale3(lit_point_irradiance_same(i), share_of_rays(facing, lit_point_density_same(i), distance2));
+        Real density = lit_point_density_same(i) * fewer;
+        Vec3 brought = scale3(lit_point_irradiance_same(i), share_of_rays(facing, density, distance2) * fewer);
         sum = add3(sum, pick3(lit, brought, make3(lanes(0.0f), lanes(0.0f), lanes(0.0f))));
     }
     return sum;
@@ -50,12 +51,12 @@ INLINE Vec3 from_lit_points(SCENE_PARAMS Surface to, Bool wanted) {
 
 // Indirect irradiance, W/m²: π times the mean radiance along cosine-distributed directions. `key` chooses the shift of
 // a sequence that goes on from pass to pass.
-INLINE Vec3 final_gather(SCENE_PARAMS Surface from, Bool wanted, Uint key) {
+INLINE Vec3 final_gather(SCENE_PARAMS Surface from, Bool wanted, Uint key, int rays) {
     Vec3 sum = make3(lanes(0.0f), lanes(0.0f), lanes(0.0f));
-    int rays = count_of(lattice_rays());
+    float fewer = lattice_rays() / float_of(rays);
     Uint height_shift = hash_u(key);
     Uint turn_shift = hash_u(height_shift);
-    uint first = uint_of(lattice_first_ray());
+    uint first = uint_of(lattice_turn()) * uint_of(float_of(rays));
     for (int ray = 0; ray < rays; ray++) {
         Uint index = lanes_u(first + uint_of(ray));
         Uint height = sequence_u(index, R2_STEP_0, height_shift);
@@ -73,7 +74,7 @@ INLINE Vec3 final_gather(SCENE_PARAMS Surface from, Bool wanted, Uint key) {
             for (int i = 0; i < LIGHT_COUNT; i++) {
                 Incident incident = incident_light(SCENE seen, i);
                 Vec3 direct = incident.irradiance;
-                Real density = lattice_points_per_watt() * (direct.x + direct.y + direct.z);
+                Real density = lattice_points_per_watt() * fewer * (direct.x + direct.y + direct.z);
                 direct = scale3(direct, share_of_rays(facing, density, hit.t * hit.t));
                 irradiance = add3(irradiance, pick3(incident.lit, direct, make3(lanes(0.0f), lanes(0.0f), lanes(0.0f))));
             }
@@ -82,7 +83,7 @@ INLINE Vec3 final_gather(SCENE_PARAMS Surface from, Bool wanted, Uint key) {
             sum = add3(sum, pick3(visible, radiance, make3(lanes(0.0f), lanes(0.0f), lanes(0.0f))));
         }
     }
-    return add3(scale3(sum, lanes(PI / float_of(rays))), from_lit_points(SCENE from, wanted));
+    return add3(scale3(sum, lanes(PI / float_of(rays))), from_lit_points(SCENE from, wanted, fewer));
 }
 
 // Which side of which object: sites of other faces do not count.
@@ -149,6 +150,11 @@ INLINE Blend blend_site(SCENE_PARAMS Blend sum, Int column, Int row, Real weight
 }
 #endif
 
+// What a sample gathers for itself. Replicates share pixels' keys, but not their rays.
+INLINE Vec3 own_irradiance(SCENE_PARAMS Surface surface, Bool wanted, Uint key) {
+    return final_gather(SCENE surface, wanted, hash2_u(key, lanes_u(LATTICE_KEY)), count_of(lattice_own_rays()));
+}
+
 // Indirect irradiance at a visible point, seen through (x, y) of the image plane.
 INLINE Vec3 indirect_irradiance(SCENE_PARAMS Surface surface, Bool wanted, Real x, Real y, Uint key) {
 #ifdef HAS_SITES
@@ -168,10 +174,10 @@ INLINE Vec3 indirect_irradiance(SCENE_PARAMS Surface surface, Bool wanted, Real 
     sum = blend_site(SCENE sum, column + 1, row + 1, u * v, surface, inverse_clearance);
     Bool alone = wanted && sum.weight < LEAST_WEIGHT;
     Vec3 irradiance = scale3(sum.irradiance, 1.0f / max(sum.weight, lanes(LEAST_WEIGHT)));
-    if (any_lane(alone)) irradiance = pick3(alone, final_gather(SCENE surface, alone, key), irradiance);
+    if (any_lane(alone)) irradiance = pick3(alone, own_irradiance(SCENE surface, alone, key), irradiance);
     return irradiance;
 #else
-    return final_gather(SCENE surface, wanted, key);
+    return own_irradiance(SCENE surface, wanted, key);
 #endif
 }
 #endif

@@ -21,7 +21,8 @@ INLINE GatheredSite gather_site(SCENE_PARAMS Int number) {
     Bool wanted = visible && object_diffuse(hit.object) > 0.0f;
     GatheredSite site;
     site.irradiance = make3(lanes(0.0f), lanes(0.0f), lanes(0.0f));
-    if (any_lane(wanted)) site.irradiance = final_gather(SCENE surface, wanted, hash2_u(to_uint(number), lanes_u(LATTICE_KEY)));
+    Uint key = hash2_u(to_uint(number), lanes_u(LATTICE_KEY));
+    if (any_lane(wanted)) site.irradiance = final_gather(SCENE surface, wanted, key, count_of(lattice_rays()));
     site.surface = make3(pick(visible, face_of(surface), -1.0f), hit.t, lanes(0.0f));
     return site;
 }

@@ -41,6 +41,9 @@ pub struct PassOptions {
     /// Rays of a site of final gathering in one pass
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
     pub rays: Option<u32>,
+    /// Rays of a sample that gathers for itself, because no site is near enough
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
+    pub own_rays: Option<u32>,
     /// Points that light reaches first, a pass, which all sites take light from
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=4096))]
     pub points: Option<u32>,
@@ -101,9 +104,10 @@ impl PassOptions {
         };
         match &mut settings.technique {
             Technique::FinalGather(gather) => {
-                let FinalGather { rays, points, spacing, .. } = *gather;
+                let FinalGather { rays, own_rays, points, spacing, .. } = *gather;
                 *gather = FinalGather {
                     rays: self.rays.unwrap_or(rays),
+                    own_rays: self.own_rays.unwrap_or(own_rays),
                     points: self.points.unwrap_or(points),
                     spacing: self.spacing.unwrap_or(spacing),
                     ..*gather
@@ -113,8 +117,8 @@ impl PassOptions {
                 }
                 Ok(())
             }
-            Technique::Map if self.rays.or(self.spacing).or(self.points).is_some() => {
-                Err(Error::Usage("--rays, --points and --spacing belong to --technique final-gather".into()))
+            Technique::Map if self.rays.or(self.own_rays).or(self.spacing).or(self.points).is_some() => {
+                Err(Error::Usage("--rays, --own-rays, --points and --spacing belong to --technique final-gather".into()))
             }
             Technique::Map => Ok(()),
         }

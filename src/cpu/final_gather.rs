@@ -38,8 +38,8 @@ fn share_of_rays(facing: f32, density: f32, distance2: f32) -> f32 {
     facing / (facing + density * distance2).max(1e-30)
 }
 
-/// What the lit points bring, W/m².
-fn from_lit_points(scene: &SceneTables, gatherer: &Gatherer, to: &Surface) -> Vec3 {
+/// What the lit points bring, W/m². `fewer`: how many times fewer rays than a site's come to the same place.
+fn from_lit_points(scene: &SceneTables, gatherer: &Gatherer, to: &Surface, fewer: f32) -> Vec3 {
     let mut sum = Vec3::ZERO;
     for point in &gatherer.points[..gatherer.lattice.points as usize] {
         let (position, object) = (Vec3::from(point.position), point.object as usize);
@@ -52,7 +52,8 @@ fn from_lit_points(scene: &SceneTables, gatherer: &Gatherer, to: &Surface) -> Ve
         let faces = cosine > 0.0 && cosine_there > 0.0 && (to.object != object || object < scene.sphere_count);
         if faces && !scene.occluded(to.position, position, direction, distance, to.object, Some(object)) {
             let facing = cosine * cosine_there * FRAC_1_PI;
-            sum += Vec3::from(point.irradiance) * share_of_rays(facing, point.density, distance2);
+            let density = point.density * fewer;
+            sum += Vec3::from(point.irradiance) * (share_of_rays(facing, density, distance2) * fewer);
         }
     }
     sum
@@ -67,13 +68,14 @@ fn radiance_seen(
     direction: Vec3,
     distance: f32,
     seen: &Surface,
+    fewer: f32,
 ) -> Vec3 {
     let object = &scene.objects[seen.object];
     let mut irradiance = Vec3::from(gatherer.texels[texel_of(scene, gatherer.charts, seen)].irradiance);
     let facing = 0.0 - from.normal.dot(direction) * seen.normal.dot(direction) * FRAC_1_PI;
     for light in scene.lights {
         if let Some(Incident { irradiance: direct, .. }) = incident_light(scene, seen, light) {
-            let density = gatherer.lattice.points_per_watt * (direct.x + direct.y + direct.z);
+            let density = gatherer.lattice.points_per_watt * fewer * (direct.x + direct.y + direct.z);
             irradiance += direct * share_of_rays(facing, density, distance * distance);
         }
     }
@@ -81,21 +83,22 @@ fn radiance_seen(
 }
 
 /// Indirect irradiance at a point, W/m².
-pub fn final_gather(scene: &SceneTables, gatherer: &Gatherer, from: &Surface, key: u32) -> Vec3 {
+pub fn final_gather(scene: &SceneTables, gatherer: &Gatherer, from: &Surface, key: u32, rays: u32) -> Vec3 {
     let height_shift = hash_u(key);
     let turn_shift = hash_u(height_shift);
-    let (first, rays) = (gatherer.lattice.first_ray as u32, gatherer.lattice.rays as u32);
+    let first = (gatherer.lattice.turn as u32).wrapping_mul(rays);
+    let fewer = gatherer.lattice.rays / rays as f32;
     let mut sum = Vec3::ZERO;
-    for index in first..first + rays {
+    for index in (0..rays).map(|ray| first.wrapping_add(ray)) {
         let height = sequence_u(index, R2_STEPS[0], height_shift);
         let turn = sequence_u(index, R2_STEPS[1], turn_shift);
         let direction = sample_cosine(from.normal, height, turn);
         if let Some(hit) = scene.closest_hit(from.position, direction, Some(from.object)) {
             let seen = scene.surface_at(from.position, direction, hit);
-            sum += radiance_seen(scene, gatherer, from, direction, hit.t, &seen);
+            sum += radiance_seen(scene, gatherer, from, direction, hit.t, &seen, fewer);
         }
     }
-    sum * (PI / rays as f32) + from_lit_points(scene, gatherer, from)
+    sum * (PI / rays as f32) + from_lit_points(scene, gatherer, from, fewer)
 }
 
 fn face_of(surface: &Surface) -> f32 {
@@ -112,8 +115,9 @@ pub fn indirect_irradiance(
     y: f32,
     key: u32,
 ) -> Vec3 {
-    let Some((sites, surfaces)) = gatherer.sites else { return final_gather(scene, gatherer, surface, key) };
     let lattice = gatherer.lattice;
+    let own = || final_gather(scene, gatherer, surface, hash2_u(key, key_of(lattice)), lattice.own_rays as u32);
+    let Some((sites, surfaces)) = gatherer.sites else { return own() };
     let u = (x - lattice.offset_x) / lattice.spacing + 1.0;
     let v = (y - lattice.offset_y) / lattice.spacing + 1.0;
     let column = (u as i32).clamp(0, lattice.columns as i32 - 2);
@@ -143,7 +147,7 @@ pub fn indirect_irradiance(
             total += weight;
         }
     }
-    if total < LEAST_WEIGHT { final_gather(scene, gatherer, surface, key) } else { irradiance * (1.0 / total) }
+    if total < LEAST_WEIGHT { own() } else { irradiance * (1.0 / total) }
 }
 
 /// A site's place on the image plane along one axis, pixels.
@@ -170,11 +174,16 @@ fn clearance(scene: &SceneTables, surface: &Surface) -> f32 {
     scene.objects.iter().enumerate().map(distance).fold(INFINITE, f32::min)
 }
 
+/// Of all rays of a pass.
+fn key_of(lattice: &SiteLattice) -> u32 {
+    lattice.key_low as u32 | (lattice.key_high as u32) << 16
+}
+
 /// All sites of a lattice, on the calling thread's rayon pool.
 pub fn sites(scene: &SceneTables, gatherer: &Gatherer, frame: &Frame) -> (Vec<Site>, Vec<SiteSurface>) {
     let lattice = gatherer.lattice;
     let columns = lattice.columns as u32;
-    let key = lattice.key_low as u32 | (lattice.key_high as u32) << 16;
+    let key = key_of(lattice);
     (0..columns * lattice.rows as u32)
         .into_par_iter()
         .map(|number| {
@@ -186,7 +195,7 @@ pub fn sites(scene: &SceneTables, gatherer: &Gatherer, frame: &Frame) -> (Vec<Si
             };
             let surface = scene.surface_at(origin, direction, hit);
             let irradiance = match scene.objects[hit.object].diffuse > 0.0 {
-                true => final_gather(scene, gatherer, &surface, hash2_u(number, key)),
+                true => final_gather(scene, gatherer, &surface, hash2_u(number, key), lattice.rays as u32),
                 false => Vec3::ZERO,
             };
             let seen = SiteSurface { face: face_of(&surface), distance: hit.t, reserved: 0.0 };

@@ -128,7 +128,7 @@ impl GlTrace {
         let mut fixed = objects * (4 + lights) + lights + 64;
         let mut candidates = 0;
         if let Indirect::Final(_, FinalPass { lattice, .. }) = indirect {
-            fixed += lattice.rays as u64 * (objects * (2 + lights) + lights + 1);
+            fixed += lattice.rays.max(lattice.own_rays) as u64 * (objects * (2 + lights) + lights + 1);
             fixed += lattice.points as u64 * (objects + 1);
         }
         if let Indirect::Map(_) = indirect {
