@@ -10,7 +10,7 @@ use glam::{DVec2, DVec3};
 
 pub use window::Window;
 
-use crate::layout::{Chart, PLANE};
+use crate::layout::{Chart, Light, PLANE};
 use crate::pack::Packed;
 
 /// Fewest and most columns of a chart.
@@ -63,6 +63,20 @@ impl<'a> Domain<'a> {
             }
         }
         Domain { packed, half_spaces }
+    }
+
+    /// Whether light can come to the side of an object that its own normal points to, or to the other one.
+    fn lights_side(&self, object: usize, front: bool) -> bool {
+        let record = &self.packed.objects[object];
+        if record.kind == PLANE {
+            let outward = vector(record.anchor) * if front { 1.0 } else { -1.0 };
+            // All light stays behind a half-space's plane.
+            return !self.half_spaces.iter().any(|h| h.object == object && h.normal.dot(outward) > 0.0);
+        }
+        let side = if front { 1.0 } else { -1.0 };
+        let above =
+            |light: &Light| vector(light.position).distance(vector(record.anchor)) / f64::from(record.extent) - 1.0;
+        self.packed.lights.iter().any(|light| side * above(light) > -1e-6) // on the surface is on both sides
     }
 
     /// Whether light can be at a point of an object's surface.
@@ -155,9 +169,10 @@ impl Charts {
                 let area: f64 = own.window.texels(texel).map(|i| texels[i].area).sum();
                 if own.area > 0.0 && area.is_finite() { (1.0 / area) as f32 } else { 0.0 }
             };
-            for _side in 0..2 {
+            for front in [true, false] {
                 windows.extend(texels.iter().map(|texel| texel.window));
-                inverse_areas.extend(texels.iter().enumerate().map(inverse));
+                let lit = domain.lights_side(object, front);
+                inverse_areas.extend(texels.iter().enumerate().map(|texel| if lit { inverse(texel) } else { 0.0 }));
             }
         }
         Charts { records: charts.into_iter().map(|c| c.chart).collect(), windows, inverse_areas }
@@ -262,8 +277,7 @@ fn plane_texels(domain: &Domain, object: usize, axes: &Axes, chart: &Chart) -> V
             let area = across * down;
             let area = if area.is_finite() { area * reached(domain, object, point) } else { 0.0 };
             let (place, size) = ((column, row), (columns, rows));
-            let half_width =
-                window::half_width(domain.packed, object, point(0.5, 0.5), across.max(down), place, size);
+            let half_width = window::half_width(domain.packed, object, point(0.5, 0.5), across.max(down), place, size);
             texels.push(PlacedTexel { area, window: Window { half_width, stride: columns } });
         }
     }

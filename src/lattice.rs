@@ -51,10 +51,19 @@ fn lattice(settings: &Settings, gather: &FinalGather) -> SiteLattice {
         // Without sites every sample does their work.
         own_rays: if gather.spacing > 1 { gather.own_rays } else { gather.rays } as f32,
         turn: gather.turn as f32,
+        reach: reach(settings.photons.pass),
         key_low: (settings.seed & 0xffff) as f32,
         key_high: (settings.seed >> 16) as f32,
         ..SiteLattice::default()
     }
+}
+
+/// How far sites count in pass `index`, as a share of the distance to the next surface. At limbs and contacts sites lie
+/// to one side, which no number of passes would mend: so the reach falls, and the bias with it. In gi_ref's mean of 64
+/// passes the squared bias is 8.1, 3.7, 1.7, 0.9 millionths of the mean's square at a fixed reach of 1, 0.7, 0.5, 0.3,
+/// and the variance 4.2, 4.3, 4.4, 4.8.
+fn reach(index: u32) -> f32 {
+    0.6 * (1.0 + index as f32 / 32.0).powf(-1.0 / 6.0)
 }
 
 /// Lights send paths in proportion to their flux, summed over the channels, and evenly in all directions: what falls

@@ -350,6 +350,12 @@ record! {
         points: f32,
         /// Density of lit points for each ray of a site and for the irradiance there, summed over the channels; 1/W.
         points_per_watt: f32,
+        /// How far sites count, as a share of what is usual.
+        reach: f32,
+        /// Zero.
+        reserved: f32,
+        /// Zero.
+        spare: f32,
     }
 }
 

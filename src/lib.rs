@@ -27,6 +27,7 @@ pub mod choice;
 pub mod lattice;
 pub mod radius;
 pub mod reference;
+pub mod technique;
 pub mod validate;
 pub mod warnings;
 

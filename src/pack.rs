@@ -88,7 +88,6 @@ impl Packed {
         let up = right.cross(forward);
         let half_height = (camera.fov_y.to_radians() / 2.0).tan();
         let half_width = half_height * f64::from(settings.width) / f64::from(settings.height);
-        let pixel_seed = settings.pixel_seed.unwrap_or(settings.seed);
         Frame {
             position: (camera.position - self.origin).as_vec3().to_array(),
             right: (right * half_width).as_vec3().to_array(),
@@ -100,8 +99,8 @@ impl Packed {
             sphere_count: self.sphere_count as f32,
             plane_count: self.plane_count() as f32,
             light_count: self.lights.len() as f32,
-            seed_low: (pixel_seed & 0xffff) as f32,
-            seed_high: (pixel_seed >> 16) as f32,
+            seed_low: (settings.seed & 0xffff) as f32,
+            seed_high: (settings.seed >> 16) as f32,
             first_sample: settings.first_sample as f32,
         }
     }

@@ -412,6 +412,14 @@ impl Pipeline {
         }
     }
 
+    /// The film of the last picture, read back.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when the device fails.
+    pub fn read(&mut self) -> Result<Image> {
+        self.tracer.read()
+    }
+
     /// Lets pictures be drawn in parts, between which `pause` is called; where it returns false, the rest of the
     /// picture is not wanted. OpenGL and the CPU heed it.
     pub fn set_pause(&mut self, pause: Option<Pause>) {
@@ -475,6 +483,11 @@ impl Pipeline {
         }
     }
 
+    /// Whether a GPU makes the pictures.
+    pub fn is_on_gpu(&self) -> bool {
+        matches!(self.class(), Class::OpenClGpu | Class::OpenGlGpu)
+    }
+
     /// Makes the GL context the thread's own again: another pipeline may have worked in between.
     fn make_current(&self) -> Result<()> {
         self.context.as_ref().map_or(Ok(()), Headless::make_current)
@@ -525,7 +538,7 @@ impl Pipeline {
             Technique::Map => None,
             Technique::FinalGather(gather) => Some((gather.spacing > 1, gather.texels)),
         };
-        let size = |s: &Settings| (s.width, s.height, s.samples, s.first_sample, s.jittered, s.seed, s.pixel_seed);
+        let size = |s: &Settings| (s.width, s.height, s.samples, s.first_sample, s.jittered, s.seed);
         let emitted = |s: &Settings| (s.photons, s.seed, s.light);
         Change::CAMERA
             .when(before.camera != scene.camera || size(was) != size(settings))

@@ -12,12 +12,11 @@ use glam::DVec3;
 
 use crate::cpu::random::hash2_u;
 use crate::error::{Error, Result};
-use crate::features::Features;
-use crate::film::{Accumulator, Image, REPLICATES, STUDENT_90, fnv1a};
+use crate::film::{Accumulator, Channel, Image, REPLICATES, STUDENT_90, fnv1a};
 use crate::layout::MAX_EXACT_INDEX;
 use crate::pipeline::{Pipeline, Rendering};
 use crate::scene::Scene;
-use crate::settings::{Amount, FinalGather, LightMode, Method, Settings, Technique};
+use crate::settings::{Amount, Method, Settings, Technique};
 
 /// The radius of pass i falls such that variance per pass grows as i^(1−α), and so does what is summed of it as i^−α
 /// with the squared bias: 2/3 makes both fall alike (Knaus & Zwicker 2011, §5).
@@ -101,18 +100,16 @@ impl Progressive {
         self.sums.passes()
     }
 
-    /// The settings of the next pass.
-    fn next_settings(&mut self) -> Result<Settings> {
+    /// The settings of the next pass, for those who draw it themselves and then [`Progressive::add`] it.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] after 2²⁴ samples a pixel.
+    pub fn next_settings(&mut self) -> Result<Settings> {
         let index = self.sums.passes();
         let (replicate, turn) = (index % REPLICATES as u64, index / REPLICATES as u64);
         let mut settings = Settings { jittered: true, ..self.settings.clone() };
         settings.seed = hash2_u(self.settings.seed, replicate as u32 + 1);
-        // All replicates share one sequence of subpixel positions, each taking its turn's places in an order of its own:
-        // then edges are as smooth as so many samples allow. A replicate by itself is as right, but with only every
-        // eighth place it is less even than the mean of all, so that the error told at edges is rather too large.
-        settings.pixel_seed = Some(self.settings.seed);
-        let place = replicate ^ u64::from(hash2_u(self.settings.seed, turn as u32)) % REPLICATES as u64;
-        let first_sample = (turn * REPLICATES as u64 + place) * u64::from(settings.samples);
+        let first_sample = turn * u64::from(settings.samples);
         if first_sample + u64::from(settings.samples) >= MAX_EXACT_INDEX {
             return Err(Error::Usage(format!("{index} passes: samples can be counted no further in float values")));
         }
@@ -167,10 +164,16 @@ impl Progressive {
     /// # Errors
     /// As [`Pipeline::render`]; [`Error::Usage`] after 2²⁴ samples a pixel.
     pub fn step(&mut self, pipeline: &mut Pipeline, scene: &Scene) -> Result<Rendering> {
-        let index = self.sums.passes();
         let settings = self.next_settings()?;
         let rendering = pipeline.render(scene, &settings)?;
+        self.add(&rendering);
+        Ok(rendering)
+    }
+
+    /// Takes in the pass that [`Progressive::next_settings`] asked for, image included.
+    pub fn add(&mut self, rendering: &Rendering) {
         if let Some(radius) = rendering.radius {
+            let index = self.sums.passes();
             let scale = radius_factor(index).powi(2);
             let extras = self.extras();
             if index == 0 {
@@ -183,7 +186,6 @@ impl Progressive {
             }
         }
         self.sums.add(rendering.image.pixels.iter().flatten().map(|value| f64::from(*value)));
-        Ok(rendering)
     }
 
     /// The mean of the passes.
@@ -261,12 +263,16 @@ pub fn bound_90(estimate: &Estimate, pixel: usize, channel: usize) -> f32 {
     STUDENT_90 as f32 * estimate.standard_error[pixel][channel] + bias
 }
 
-/// What suits a scene where the settings leave it open: final gathering wherever it is right.
-pub fn default_technique(scene: &Scene, settings: &Settings) -> Technique {
-    let suits = settings.light == LightMode::Hybrid
-        && !Features::of(scene, settings).glossy
-        && matches!(settings.photons.amount, Amount::Paths(_));
-    if suits { Technique::FinalGather(FinalGather::default()) } else { Technique::Map }
+/// The planes of an estimate that go into an EXR beside the mean.
+pub fn channels(estimate: &Estimate) -> Vec<Channel> {
+    let planes = [("stderr", &estimate.standard_error), ("bias", &estimate.bias)];
+    let named = planes.into_iter().filter(|(_, values)| !values.is_empty()).flat_map(|(name, values)| {
+        ["R", "G", "B"].into_iter().enumerate().map(move |(index, channel)| Channel {
+            name: format!("{name}.{channel}"),
+            samples: values.iter().map(|value| value[index]).collect(),
+        })
+    });
+    named.collect()
 }
 
 /// Of all that decides a pass's pixels.

@@ -160,15 +160,10 @@ pub struct FinalGather {
     pub turn: u32,
 }
 
-impl FinalGather {
-    /// Paths of a pass: they serve rays that look at whole surfaces, so few will do.
-    pub const PHOTONS: u32 = 16_384;
-}
-
 impl Default for FinalGather {
     /// Measured on the report's scenes: see the README.
     fn default() -> Self {
-        FinalGather { rays: 32, own_rays: 8, spacing: 4, texels: 24_576, points: 32, turn: 0 }
+        FinalGather { rays: 64, own_rays: 16, spacing: 4, texels: 24_576, points: 32, turn: 0 }
     }
 }
 
@@ -187,8 +182,6 @@ pub struct Settings {
     pub jittered: bool,
     /// Keys every random number.
     pub seed: u32,
-    /// Keys the subpixel positions instead, where several seeds share one sequence of these.
-    pub pixel_seed: Option<u32>,
     /// Who carries direct light.
     pub light: LightMode,
     /// How many photons.
@@ -247,7 +240,6 @@ impl Default for Settings {
             first_sample: 0,
             jittered: false,
             seed: 0,
-            pixel_seed: None,
             light: LightMode::default(),
             photons: Photons { amount: Amount::Paths(200_000), pass: 0, sampler: Sampler::default() },
             gather: Gather {

@@ -22,7 +22,7 @@ fn drivers() -> MutexGuard<'static, ()> {
 
 fn settings(width: u32, height: u32, technique: Technique) -> Settings {
     let mut settings = Settings { width, height, technique, ..Settings::default() };
-    settings.photons.amount = Amount::Paths(FinalGather::PHOTONS);
+    settings.photons.amount = Amount::Paths(16_384);
     settings
 }
 

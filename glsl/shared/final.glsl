@@ -136,7 +136,8 @@ INLINE Blend blend_site(SCENE_PARAMS Blend sum, Int column, Int row, Real weight
     weight = weight * max(1.0f - sqrt(dot3(apart, apart)) * inverse_clearance, lanes(0.0f));
 #ifdef HAS_SPHERES
     // Irradiance turns with the normal: full weight to none over 18 degrees, the chord of 0.316 radii.
-    Real turned = dot3(apart, apart) / (object_extent(surface.object) * object_extent(surface.object));
+    Real radius = object_extent(surface.object) * lattice_reach();
+    Real turned = dot3(apart, apart) / (radius * radius);
     Real near = max(1.0f - 10.0f * turned, lanes(0.0f));
 #ifdef HAS_PLANES
     near = pick(surface.object < SPHERE_COUNT, near, 1.0f);
@@ -150,11 +151,6 @@ INLINE Blend blend_site(SCENE_PARAMS Blend sum, Int column, Int row, Real weight
 }
 #endif
 
-// What a sample gathers for itself. Replicates share pixels' keys, but not their rays.
-INLINE Vec3 own_irradiance(SCENE_PARAMS Surface surface, Bool wanted, Uint key) {
-    return final_gather(SCENE surface, wanted, hash2_u(key, lanes_u(LATTICE_KEY)), count_of(lattice_own_rays()));
-}
-
 // Indirect irradiance at a visible point, seen through (x, y) of the image plane.
 INLINE Vec3 indirect_irradiance(SCENE_PARAMS Surface surface, Bool wanted, Real x, Real y, Uint key) {
 #ifdef HAS_SITES
@@ -167,17 +163,17 @@ INLINE Vec3 indirect_irradiance(SCENE_PARAMS Surface surface, Bool wanted, Real 
     Blend sum;
     sum.irradiance = make3(lanes(0.0f), lanes(0.0f), lanes(0.0f));
     sum.weight = lanes(0.0f);
-    Real inverse_clearance = 1.0f / max(clearance(SCENE surface), lanes(1e-20f));
+    Real inverse_clearance = 1.0f / max(clearance(SCENE surface) * lattice_reach(), lanes(1e-20f));
     sum = blend_site(SCENE sum, column, row, (1.0f - u) * (1.0f - v), surface, inverse_clearance);
     sum = blend_site(SCENE sum, column + 1, row, u * (1.0f - v), surface, inverse_clearance);
     sum = blend_site(SCENE sum, column, row + 1, (1.0f - u) * v, surface, inverse_clearance);
     sum = blend_site(SCENE sum, column + 1, row + 1, u * v, surface, inverse_clearance);
     Bool alone = wanted && sum.weight < LEAST_WEIGHT;
     Vec3 irradiance = scale3(sum.irradiance, 1.0f / max(sum.weight, lanes(LEAST_WEIGHT)));
-    if (any_lane(alone)) irradiance = pick3(alone, own_irradiance(SCENE surface, alone, key), irradiance);
+    if (any_lane(alone)) irradiance = pick3(alone, final_gather(SCENE surface, alone, key, count_of(lattice_own_rays())), irradiance);
     return irradiance;
 #else
-    return own_irradiance(SCENE surface, wanted, key);
+    return final_gather(SCENE surface, wanted, key, count_of(lattice_own_rays()));
 #endif
 }
 #endif

@@ -17,9 +17,10 @@ use crate::error::{Error, Result};
 use crate::film::Image;
 use crate::metrics::{self, measure};
 use crate::pipeline::Pipeline;
-use crate::progressive::{Progressive, bound_90, default_technique};
+use crate::progressive::{Progressive, bound_90};
 use crate::scene::Scene;
 use crate::settings::{Amount, Backend, FinalGather, Settings, Technique};
+use crate::technique::{Usual, default_technique};
 
 /// The numbers of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -77,7 +78,8 @@ pub fn run(options: &Options, machine: &MachineInfo, progress: &mut dyn FnMut(Pr
         Some(path) if path.exists() => saved::rows(&path, &plan, machine)?,
         _ => Vec::new(),
     };
-    let curves: usize = options.scenes.iter().map(|scene| settings(scene, &plan).len()).sum();
+    let pairs = || options.scenes.iter().zip(&references);
+    let curves: usize = pairs().map(|(scene, reference)| settings(scene, reference, &plan, false).len()).sum();
     let mut steps = Steps::new(progress, curves * options.backends.len());
     if !rows.is_empty() {
         steps.notice(&format!("{} rows are measured already and kept", rows.len()));
@@ -91,8 +93,8 @@ pub fn run(options: &Options, machine: &MachineInfo, progress: &mut dyn FnMut(Pr
                 continue;
             }
         };
-        for (scene, reference) in options.scenes.iter().zip(&references) {
-            for setting in settings(scene, &plan) {
+        for (scene, reference) in pairs() {
+            for setting in settings(scene, reference, &plan, pipeline.is_on_gpu()) {
                 if options.stop.load(Ordering::Relaxed) {
                     break 'all;
                 }
@@ -121,19 +123,23 @@ pub fn run(options: &Options, machine: &MachineInfo, progress: &mut dyn FnMut(Pr
 }
 
 /// What is compared in a scene.
-fn settings(scene: &Scene, plan: &Plan) -> Vec<Setting> {
+fn settings(scene: &Scene, reference: &Image, plan: &Plan, on_gpu: bool) -> Vec<Setting> {
     let mut list = Vec::new();
-    if let Technique::FinalGather(usual) = default_technique(scene, &Settings::default()) {
-        let gather = |name: &str, gather: FinalGather, samples: u32| Setting {
+    let size = Settings { width: reference.width, height: reference.height, ..Settings::default() };
+    if let Technique::FinalGather(_) = default_technique(scene, &size) {
+        let Usual { gather: usual, paths, samples } = Usual::of(scene, &size, on_gpu);
+        let gather = |name: &str, gather: FinalGather, paths: u32, samples: u32| Setting {
             name: name.into(),
             technique: Technique::FinalGather(gather),
-            paths: FinalGather::PHOTONS,
+            paths,
             samples,
         };
-        list.push(gather("final-gather", usual, 1));
-        list.push(gather("final-gather, 16 rays", FinalGather { rays: 16, ..usual }, 1));
-        list.push(gather("final-gather, 4 samples", usual, 4));
-        list.push(gather("final-gather, each sample", FinalGather { spacing: 1, rays: 16, ..usual }, 1));
+        list.push(gather("final-gather", usual, paths, samples));
+        list.push(gather("final-gather, 1/4 photons", usual, paths / 4, samples));
+        list.push(gather("final-gather, 1/4 rays", FinalGather { rays: usual.rays / 4, ..usual }, paths, samples));
+        list.push(gather("final-gather, 1 sample", usual, paths, 1));
+        list.push(gather("final-gather, no lit points", FinalGather { points: 0, ..usual }, paths, samples));
+        list.push(gather("final-gather, each sample", FinalGather { spacing: 1, rays: 16, ..usual }, paths, 1));
     }
     for paths in &plan.photons {
         let name = format!("map, {paths} paths");

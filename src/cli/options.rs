@@ -20,9 +20,9 @@ pub struct RenderOptions {
     /// Who carries direct light
     #[arg(long, value_enum)]
     pub light: Option<LightArg>,
-    /// Samples per pixel
-    #[arg(long, value_name = "S", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
-    pub spp: u32,
+    /// Samples per pixel, in every pass [default: 1; 2 or 4 in passes with final gathering]
+    #[arg(long, value_name = "S", value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
+    pub spp: Option<u32>,
     /// Keys every random number
     #[arg(long, value_name = "S", default_value_t = 0)]
     pub seed: u32,
@@ -244,7 +244,7 @@ impl RenderOptions {
         Settings {
             width,
             height,
-            samples: self.spp,
+            samples: self.spp.unwrap_or(1),
             seed: self.seed,
             light,
             photons: Photons {

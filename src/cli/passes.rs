@@ -11,11 +11,12 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use super::options::{RenderOptions, parse_seconds};
 use super::{notice, stop_on_interrupt};
 use crate::error::{Error, Result};
-use crate::film::{Accumulator, Channel, Image, REPLICATES, check_directory};
+use crate::film::{Accumulator, Image, REPLICATES, check_directory};
 use crate::pipeline::{Pipeline, Rendering, Times};
-use crate::progressive::{Estimate, Progressive, default_technique};
+use crate::progressive::{Estimate, Progressive};
 use crate::scene::Scene;
-use crate::settings::{FinalGather, Settings, Technique};
+use crate::settings::Settings;
+use crate::technique::{Kind, Wish};
 
 /// So that a power cut costs no more than a minute.
 const SAVE_EVERY: Duration = Duration::from_secs(60);
@@ -35,6 +36,13 @@ pub struct PassOptions {
     /// Go on from this file if it is there, and keep it up to date
     #[arg(long, value_name = "FILE")]
     pub checkpoint: Option<PathBuf>,
+    #[command(flatten)]
+    pub technique: TechniqueOptions,
+}
+
+/// How passes make radiance of photons.
+#[derive(clap::Args, Clone, Debug)]
+pub struct TechniqueOptions {
     /// How indirect light becomes radiance [default in passes: final-gather where no surface is glossy, else map]
     #[arg(long, value_enum)]
     pub technique: Option<TechniqueArg>,
@@ -79,48 +87,32 @@ impl PassOptions {
         self.passes.or(scene.render.passes.filter(|_| !others)).map(u64::from)
     }
 
-    /// Settles the technique, and what it changes about the photons.
-    ///
-    /// # Errors
-    /// [`Error::Usage`] for options that contradict each other.
-    pub fn apply(&self, options: &RenderOptions, scene: &Scene, settings: &mut Settings) -> Result<()> {
+    /// What is asked for. A single picture is made of density estimates, unless told otherwise.
+    pub fn wish(&self, options: &RenderOptions, scene: &Scene) -> Wish {
+        let mut wish = self.technique.wish(options, scene);
+        wish.estimates |= !self.wanted(scene);
+        wish
+    }
+}
+
+impl TechniqueOptions {
+    /// What the command line and the scene ask for.
+    pub fn wish(&self, options: &RenderOptions, scene: &Scene) -> Wish {
         let gathers = options.gather.is_some() || options.radius.is_some() || options.kernel.is_some();
         let grids = options.grid.is_some() || options.tile.is_some() || scene.render.radius.is_some();
-        settings.technique = match self.technique {
-            Some(TechniqueArg::Map) => Technique::Map,
-            Some(TechniqueArg::FinalGather) => match default_technique(scene, settings) {
-                Technique::Map => {
-                    return Err(Error::Usage(
-                        "--technique final-gather: wants --light hybrid, --photons rather than --stored, and no glossy \
-                         surface, whose view of the texels has no direction"
-                            .into(),
-                    ));
-                }
-                suitable => suitable,
-            },
-            // Who asks for a radius or a grid asks for density estimates.
-            None if !self.wanted(scene) || gathers || grids => Technique::Map,
-            None => default_technique(scene, settings),
-        };
-        match &mut settings.technique {
-            Technique::FinalGather(gather) => {
-                let FinalGather { rays, own_rays, points, spacing, .. } = *gather;
-                *gather = FinalGather {
-                    rays: self.rays.unwrap_or(rays),
-                    own_rays: self.own_rays.unwrap_or(own_rays),
-                    points: self.points.unwrap_or(points),
-                    spacing: self.spacing.unwrap_or(spacing),
-                    ..*gather
-                };
-                if options.photons.is_none() && scene.render.photons.is_none() {
-                    settings.photons.amount = crate::settings::Amount::Paths(FinalGather::PHOTONS);
-                }
-                Ok(())
-            }
-            Technique::Map if self.rays.or(self.own_rays).or(self.spacing).or(self.points).is_some() => {
-                Err(Error::Usage("--rays, --own-rays, --points and --spacing belong to --technique final-gather".into()))
-            }
-            Technique::Map => Ok(()),
+        Wish {
+            kind: self.technique.map(|technique| match technique {
+                TechniqueArg::Map => Kind::Map,
+                TechniqueArg::FinalGather => Kind::FinalGather,
+            }),
+            rays: self.rays,
+            own_rays: self.own_rays,
+            points: self.points,
+            spacing: self.spacing,
+            estimates: gathers || grids,
+            samples: options.spp.is_some(),
+            on_gpu: false,
+            photons: options.photons.is_some() || scene.render.photons.is_some(),
         }
     }
 }
@@ -199,18 +191,6 @@ pub fn run(pipeline: &mut Pipeline, scene: &Scene, settings: &Settings, options:
         interrupted: watch.interrupted.load(Ordering::Relaxed),
         checkpoint: options.checkpoint.clone(),
     })
-}
-
-/// The planes that go into an EXR beside the mean.
-pub fn channels(estimate: &Estimate) -> Vec<Channel> {
-    let planes = [("stderr", &estimate.standard_error), ("bias", &estimate.bias)];
-    let named = planes.into_iter().filter(|(_, values)| !values.is_empty()).flat_map(|(name, values)| {
-        ["R", "G", "B"].into_iter().enumerate().map(move |(index, channel)| Channel {
-            name: format!("{name}.{channel}"),
-            samples: values.iter().map(|value| value[index]).collect(),
-        })
-    });
-    named.collect()
 }
 
 /// What goes on beside the passes: limits, progress, checkpoints, Ctrl-C.

@@ -11,6 +11,7 @@ use crate::change::Stage;
 use crate::error::{Error, Result};
 use crate::film::{SaveOptions, check_output};
 use crate::pipeline::{Devices, Pipeline, Times};
+use crate::progressive;
 use crate::settings::{Backend, LightMode, Method, Technique};
 use crate::stage::map::MapCounts;
 
@@ -70,7 +71,8 @@ struct Report<'a> {
 pub fn run(args: &Args) -> Result<()> {
     let scene = args.options.load()?;
     let mut settings = args.options.settings(&scene);
-    args.passes.apply(&args.options, &scene, &mut settings)?;
+    let mut wish = args.passes.wish(&args.options, &scene);
+    wish.settle(&scene, &mut settings.clone())?; // what contradicts itself is told before any driver is asked
     let output = args.output.clone().unwrap_or_else(|| PathBuf::from(format!("{}.png", scene.name)));
     check_output(&output)?;
     let exposure = args.exposure.or(scene.render.exposure.map(|ev| ev as f32)).unwrap_or(0.0);
@@ -80,6 +82,8 @@ pub fn run(args: &Args) -> Result<()> {
 
     let machine = args.options.machine(args.backend.map(Backend::from));
     let mut pipeline = Pipeline::open(&machine, notice)?;
+    wish.on_gpu = pipeline.is_on_gpu();
+    wish.settle(&scene, &mut settings)?;
     let chosen = if args.backend.is_some() { "asked for" } else { "the first that works" };
     let device = pipeline.devices.opengl.as_ref().or(pipeline.devices.opencl.as_ref());
     let device = device.map(|name| format!(" on {name}")).unwrap_or_default();
@@ -104,7 +108,7 @@ pub fn run(args: &Args) -> Result<()> {
         note("passes", picture.passes.to_string()),
         note("seed", settings.seed.to_string()),
     ];
-    let channels = picture.estimate.as_ref().map(passes::channels).unwrap_or_default();
+    let channels = picture.estimate.as_ref().map(progressive::channels).unwrap_or_default();
     picture.image.save(&output, &SaveOptions { exposure, settings: &provenance, channels: &channels })?;
 
     let times = picture.times;

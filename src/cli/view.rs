@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use super::options::{BackendArg, RenderOptions};
+use super::passes::TechniqueOptions;
 use super::{notice, print_json};
 use crate::error::{Error, Result};
 use crate::settings::Backend;
@@ -24,8 +25,10 @@ pub struct Args {
     #[arg(long, value_name = "MS", value_parser = clap::value_parser!(u32).range(1..=60_000))]
     budget: Option<u32>,
     /// Passes until the picture counts as converged
-    #[arg(long, value_name = "P", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
+    #[arg(long, value_name = "P", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
     passes: u32,
+    #[command(flatten)]
+    technique: TechniqueOptions,
     /// Begin without the panel (Tab brings it)
     #[arg(long)]
     no_panel: bool,
@@ -56,6 +59,8 @@ pub fn run(args: &Args, started: Instant) -> Result<()> {
     if screenshot.file_name().is_none() {
         return Err(Error::Usage(format!("found --screenshot {}, expected a file's name", screenshot.display())));
     }
+    let wish = args.technique.wish(&args.options, &scene);
+    wish.settle(&scene, &mut settings.clone())?; // what contradicts itself is refused here as by render
     let script = args.script.as_deref().map(Script::load).transpose()?;
     let machine = args.options.machine(args.backend.map(Backend::from));
     if let (true, Some(script)) = (args.headless, &script) {
@@ -74,6 +79,7 @@ pub fn run(args: &Args, started: Instant) -> Result<()> {
         machine,
         budget: args.budget.map(f64::from),
         passes: args.passes,
+        wish,
         panel: !args.no_panel,
         screenshot,
         script,

@@ -116,7 +116,7 @@ pub fn indirect_irradiance(
     key: u32,
 ) -> Vec3 {
     let lattice = gatherer.lattice;
-    let own = || final_gather(scene, gatherer, surface, hash2_u(key, key_of(lattice)), lattice.own_rays as u32);
+    let own = || final_gather(scene, gatherer, surface, key, lattice.own_rays as u32);
     let Some((sites, surfaces)) = gatherer.sites else { return own() };
     let u = (x - lattice.offset_x) / lattice.spacing + 1.0;
     let v = (y - lattice.offset_y) / lattice.spacing + 1.0;
@@ -124,8 +124,8 @@ pub fn indirect_irradiance(
     let row = (v as i32).clamp(0, lattice.rows as i32 - 2);
     let (u, v) = (u - column as f32, v - row as f32);
     let face = face_of(surface);
-    let inverse_clearance = 1.0 / clearance(scene, surface).max(1e-20);
-    let extent = scene.objects[surface.object].extent;
+    let inverse_clearance = 1.0 / (clearance(scene, surface) * lattice.reach).max(1e-20);
+    let extent = scene.objects[surface.object].extent * lattice.reach;
     let (mut irradiance, mut total) = (Vec3::ZERO, 0.0);
     for (down, across, share) in
         [(0, 0, (1.0 - u) * (1.0 - v)), (0, 1, u * (1.0 - v)), (1, 0, (1.0 - u) * v), (1, 1, u * v)]

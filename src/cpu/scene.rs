@@ -100,7 +100,8 @@ impl<'a> SceneTables<'a> {
             here * there < 0.0 && there.abs() > 1e-6 * (size + plane.extent.abs())
         };
         let planes = || self.objects.iter().enumerate().skip(self.sphere_count);
-        self.features.plane_shadows && planes().any(|(i, plane)| i != origin_object && Some(i) != target_object && between(plane))
+        self.features.plane_shadows
+            && planes().any(|(i, plane)| i != origin_object && Some(i) != target_object && between(plane))
     }
 
     /// A hit point an ulp beside an edge, put back to the side of the other plane on which the ray travelled.

@@ -55,11 +55,16 @@ pub fn irradiance(scene: &SceneTables, plan: &Plan, charts: &Charts, emission: &
             }
         });
     });
+    let watts = quanta.watts;
+    let sums: Vec<u32> = sums.into_iter().map(AtomicU32::into_inner).collect();
     let texel = |(i, (inverse_area, window)): (usize, (&f32, &Window))| {
-        let scale = inverse_area * quanta.watts;
-        let quanta = |channel: usize| window.texels(i).map(|i| sums[3 * i + channel].load(Ordering::Relaxed)).sum::<u32>();
-        let irradiance = if *inverse_area > 0.0 { [0, 1, 2].map(|channel| quanta(channel) as f32 * scale) } else { [0.0; 3] };
-        Texel { irradiance }
+        let mut quanta = [0u32; 3];
+        if *inverse_area > 0.0 {
+            for texel in window.texels(i).map(|i| &sums[3 * i..3 * i + 3]) {
+                (0..3).for_each(|channel| quanta[channel] += texel[channel]);
+            }
+        }
+        Texel { irradiance: quanta.map(|quanta| quanta as f32 * (inverse_area * watts)) }
     };
     charts.inverse_areas.par_iter().zip(&charts.windows).enumerate().map(texel).collect()
 }

@@ -12,8 +12,9 @@ use crate::change::Stage;
 use crate::error::Result;
 use crate::film::Image;
 use crate::gl::{Current, Mean, Picture};
-use crate::pipeline::{Devices, Film, Machine, Pipeline, Times};
-use crate::settings::{Backend, Method};
+use crate::pipeline::{Devices, Film, Machine, Pipeline, Rendering, Times};
+use crate::progressive::Progressive;
+use crate::settings::{Backend, Method, Settings, Technique};
 use crate::stage::map::MapCounts;
 
 /// How a frame came about.
@@ -33,8 +34,12 @@ pub struct Made {
     pub radius: Option<f32>,
     /// Quality.
     pub level: Level,
-    /// Passes in the mean.
-    pub passes: u32,
+    /// Passes in the mean; 0: a single picture of what moves.
+    pub passes: u64,
+    /// Of what its indirect light was made.
+    pub technique: Technique,
+    /// Relative error as passes tell it, mean over the picture; where there are enough of them.
+    pub error: Option<f64>,
     /// Pixels.
     pub size: [u32; 2],
     /// Who made it.
@@ -87,15 +92,52 @@ impl Engine {
         Ok(Engine { pipeline: None, mean, current, machine, turn, held: Rc::default(), wanted, notice })
     }
 
-    /// Draws a pass and adds it to the mean; pass 0 begins a new one. Tells nothing where `stoppable` and the pass was
-    /// not wanted any more before it was done.
+    /// Draws a single picture at a level. Tells nothing where `stoppable` and it was not wanted any more before it was
+    /// done; so does [`Engine::pass`].
     ///
     /// # Errors
     /// What the backend meets.
-    pub fn pass(&mut self, request: &Request, level: Level, pass: u32, stoppable: bool) -> Result<Option<Made>> {
+    pub fn draft(&mut self, request: &Request, level: Level, stoppable: bool) -> Result<Option<Made>> {
+        self.in_turn(request.backend, |engine| {
+            let start = Instant::now();
+            let settings = request.draft(level);
+            let Some(drawn) = engine.draw(request, &settings, stoppable)? else { return Ok(None) };
+            engine.mean.restart();
+            engine.show(&settings)?;
+            Ok(Some(Made { level, ..engine.made(start, request, drawn, &settings) }))
+        })
+    }
+
+    /// Draws one more pass, for the picture that is shown and, as `render --passes` does it, for the one that is kept.
+    ///
+    /// # Errors
+    /// What the backend meets.
+    pub fn pass(&mut self, request: &Request, passes: &mut Progressive, stoppable: bool) -> Result<Option<Made>> {
+        self.in_turn(request.backend, |engine| {
+            let start = Instant::now();
+            let settings = passes.next_settings()?;
+            let Some(mut drawn) = engine.draw(request, &settings, stoppable)? else { return Ok(None) };
+            if passes.passes() == 0 {
+                engine.mean.restart();
+            }
+            drawn.image = match (engine.show(&settings)?, &mut engine.pipeline) {
+                (None, Some(pipeline)) => pipeline.read()?,
+                (image, _) => image.unwrap_or(Image::new(0, 0)),
+            };
+            *engine.held.borrow_mut() = None; // what follows is the host's
+            passes.add(&drawn);
+            Ok(Some(Made { passes: passes.passes(), ..engine.made(start, request, drawn, &settings) }))
+        })
+    }
+
+    fn in_turn(
+        &mut self,
+        backend: Backend,
+        draw: impl FnOnce(&mut Engine) -> Result<Option<Made>>,
+    ) -> Result<Option<Made>> {
         // The twins use no driver.
-        *self.held.borrow_mut() = (request.backend != Backend::Cpu).then(|| self.turn.take());
-        let made = self.pass_in_turn(request, level, pass, stoppable);
+        *self.held.borrow_mut() = (backend != Backend::Cpu).then(|| self.turn.take());
+        let made = draw(self);
         *self.held.borrow_mut() = None;
         made
     }
@@ -113,8 +155,7 @@ impl Engine {
         })
     }
 
-    fn pass_in_turn(&mut self, request: &Request, level: Level, pass: u32, stoppable: bool) -> Result<Option<Made>> {
-        let start = Instant::now();
+    fn draw(&mut self, request: &Request, settings: &Settings, stoppable: bool) -> Result<Option<Rendering>> {
         if self.pipeline.as_ref().is_none_or(|pipeline| pipeline.backend != request.backend) {
             self.pipeline = None; // its memory first
             self.pipeline =
@@ -122,36 +163,44 @@ impl Engine {
         }
         let pause = self.pause(stoppable);
         let Some(pipeline) = &mut self.pipeline else { unreachable!("opened above") };
-        let settings = request.pass(level, pass);
         pipeline.set_pause(Some(pause));
-        let drawn = pipeline.draw(&request.scene, &settings)?;
+        let drawn = pipeline.draw(&request.scene, settings)?;
         if pipeline.was_stopped() {
             return Ok(None);
         }
-        let film = pipeline.film()?;
+        // What follows is the context's, even after the twins.
         self.held.borrow_mut().get_or_insert_with(|| self.turn.take());
-        if pass == 0 {
-            self.mean.restart();
+        Ok(Some(drawn))
+    }
+
+    /// Takes the film into the mean; tells it where it lies in host memory.
+    fn show(&mut self, settings: &Settings) -> Result<Option<Image>> {
+        let Some(pipeline) = &mut self.pipeline else { return Ok(None) };
+        match pipeline.film()? {
+            Film::Texture(texture) => self.mean.add(texture, settings.width, settings.height).map(|()| None),
+            Film::Host(image) => self.mean.add_image(&image).map(|()| Some(image)),
         }
-        match film {
-            Film::Texture(texture) => self.mean.add(texture, settings.width, settings.height)?,
-            Film::Host(image) => self.mean.add_image(&image)?,
-        }
-        Ok(Some(Made {
+    }
+
+    fn made(&self, start: Instant, request: &Request, drawn: Rendering, settings: &Settings) -> Made {
+        let devices = self.pipeline.as_ref().map(|pipeline| pipeline.devices.clone()).unwrap_or_default();
+        Made {
             times: drawn.times,
             frame_ms: start.elapsed().as_secs_f64() * 1e3,
             skipped: drawn.skipped,
             photons: drawn.photons,
             method: drawn.method,
             radius: drawn.radius,
-            level,
-            passes: self.mean.passes(),
+            level: Level::FULL,
+            passes: 0,
+            technique: settings.technique,
+            error: None,
             size: [settings.width, settings.height],
             backend: Some(request.backend),
-            host_photons: request.backend == Backend::OpenGl && pipeline.devices.opencl.is_none(),
-            devices: pipeline.devices.clone(),
-            bytes: pipeline.bytes(),
-        }))
+            host_photons: request.backend == Backend::OpenGl && devices.opencl.is_none(),
+            devices,
+            bytes: self.pipeline.as_ref().map_or(0, Pipeline::bytes),
+        }
     }
 
     /// Copies the mean to where the window finds it.

@@ -50,6 +50,18 @@ impl Hands {
         (self.grip, self.button) = (Grip::None, None);
     }
 
+    /// What the left button has hold of, or would take.
+    pub fn over(&self, area: Rect, state: &State) -> Option<Thing> {
+        match self.grip {
+            Grip::Thing(held) => Some(held.thing),
+            Grip::None => {
+                let at = self.at.filter(|at| area.contains(*at))?;
+                pick::pick(&state.scene_as_seen(), place(at, area)).map(|held| held.thing)
+            }
+            _ => None,
+        }
+    }
+
     /// A button goes down over the picture.
     pub fn pressed(&mut self, button: MouseButton, shift: bool, area: Rect, state: &mut State) {
         let Some(at) = self.at.filter(|at| area.contains(*at)) else { return };
@@ -134,7 +146,7 @@ mod tests {
         let text = "[camera]\nposition = [0, 0, 9]\nlook_at = [0, 0, 0]\n[materials.m]\ncolor = [1, 1, 1]\n\
                     [[spheres]]\ncenter = [0, 0, 0]\nradius = 1\nmaterial = \"m\"\n";
         let scene = crate::scene::parse(text, "one.toml").unwrap();
-        State::new("one.toml".into(), scene, Settings::default(), Backend::Cpu)
+        State::new("one.toml".into(), scene, Settings::default(), Backend::Cpu, Default::default())
     }
 
     fn drag(hands: &mut Hands, state: &mut State, button: MouseButton, from: Pos2, to: Pos2) {

@@ -1,14 +1,15 @@
 //! The window: fly through a scene, move lights, change materials, and see global illumination follow.
 //!
 //! ```text
-//! keys, mouse, panel, file ─► State ─► Request ─► Pane: front worker │ back worker ─► Frame ─► present.frag ─► window
-//!                                                      (shows)          (builds)
+//! keys, mouse, panel, file ─► State ─► Request ─► Pane: front worker │ back worker │ refiner ─► Frame ─► present.frag
+//!                                                        (moves)       (builds)      (rests)
 //! ```
 //!
 //! The window's thread handles input and paints what is finished; it never renders and never waits. Each *worker* has a
 //! thread and a GL context of its own that shares textures with the window's: it draws the latest [`Request`] within
-//! the frame budget while things move ([`ladder`]), and refines it pass by pass when they rest. What needs programs that
-//! are not built yet goes to a second worker, and comes to the front with its first picture.
+//! the frame budget while things move ([`ladder`]), and refines it pass by pass when they rest, with the passes of
+//! [`crate::progressive`]. What needs programs that are not built yet goes to a second worker, and comes to the front
+//! with its first picture; final gathering has a third one, whose passes are shown once they are better than what moved.
 
 pub mod history;
 pub mod keys;
@@ -24,14 +25,22 @@ pub mod watch;
 
 mod app;
 mod engine;
+mod events;
 mod hands;
+mod job;
+mod open;
 mod overlay;
+mod painting;
 mod pane;
 mod panel;
+mod player;
 mod request;
 mod state;
+mod summary;
+mod thread;
 mod turn;
 mod worker;
 
-pub use app::{Options, Summary, run};
+pub use app::run;
 pub use request::{Key, Request};
+pub use summary::{Options, Summary};

@@ -1,15 +1,31 @@
-//! Markers over the picture: photons, cells, tiles.
+//! What is drawn over the picture: photons, cells, tiles; where the lights are; what is seen on which side.
 
 use egui::{Color32, Mesh, Painter, Pos2, Rect, Shape, Stroke, pos2, vec2};
 use glam::DVec3;
 
-use super::markers::{Cell, Dot, Markers, Tiling};
-use super::pick::project;
-use crate::scene::Camera;
+use super::markers::{Cell, Dot, Tiling};
+use super::pane::Pane;
+use super::pick::{Thing, project};
+use super::state::State;
+use crate::settings::{Backend, Method};
 
-/// Draws markers over the area that shows the picture. `size` is the picture's, pixels.
-pub fn draw(painter: &Painter, area: Rect, camera: &Camera, markers: &Markers, size: [u32; 2]) {
-    let painter = painter.with_clip_rect(area);
+/// The part of the picture's area where the left picture is seen, or the right one.
+fn part_of(area: Rect, state: &State, side: usize) -> Rect {
+    if state.right.is_none() || state.heat {
+        return if side == 0 { area } else { Rect::NOTHING };
+    }
+    let divider = area.left() + (state.divider * f64::from(area.width())) as f32;
+    let (mut left, mut right) = (area, area);
+    *left.right_mut() = divider;
+    *right.left_mut() = divider;
+    [left, right][side]
+}
+
+/// Draws a pane's markers over its part of the area that shows the pictures.
+pub fn draw(painter: &Painter, area: Rect, state: &State, side: usize, pane: &Pane) {
+    let (Some(frame), Some((markers, size))) = (pane.shown(), pane.markers()) else { return };
+    let (camera, part) = (&frame.request.scene.camera, part_of(area, state, side));
+    let painter = painter.with_clip_rect(part);
     let place = |point: DVec3| -> Option<Pos2> {
         let (x, y, _) = project(camera, f64::from(area.width() / area.height()), point)?;
         // Far outside, f32 would lose what little there is to see.
@@ -28,12 +44,52 @@ pub fn draw(painter: &Painter, area: Rect, camera: &Camera, markers: &Markers, s
     ];
     let text: Vec<String> =
         shown.iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!("{count} {what}")).collect();
-    let at = area.left_bottom() + vec2(6.0, -6.0);
+    let at = part.left_bottom() + vec2(6.0, -6.0);
     label(&painter, at, egui::Align2::LEFT_BOTTOM, &text.join(", "));
 }
 
+/// Says on both sides of the divider what is seen there.
+pub fn name_sides(painter: &Painter, area: Rect, state: &State) {
+    let Some(right) = state.right.filter(|_| !state.heat) else { return };
+    let name = |backend: Backend, method: Method| match state.request(false) {
+        // Methods are not told apart where passes do not use them.
+        Some(request) if request.refines_apart() => backend.name().to_string(),
+        _ => format!("{}, {}", backend.name(), method.name()),
+    };
+    let names = [name(state.backend, state.settings.gather.method), name(right.backend, right.method)];
+    let parts = [0, 1].map(|side| part_of(area, state, side));
+    for (side, (name, part)) in names.iter().zip(parts).enumerate() {
+        let (at, align) = match side {
+            0 => (part.right_top() + vec2(-8.0, 8.0), egui::Align2::RIGHT_TOP),
+            _ => (part.left_top() + vec2(10.0, 8.0), egui::Align2::LEFT_TOP),
+        };
+        label(&painter.with_clip_rect(part), at, align, name);
+    }
+}
+
+/// A ring around every light, which is nothing to see by itself; around `hovered` alone where the panel is closed.
+pub fn lights(painter: &Painter, area: Rect, state: &State, hovered: Option<Thing>) {
+    let painter = painter.with_clip_rect(area);
+    for (i, light) in state.scene.lights.iter().enumerate() {
+        let held = hovered == Some(Thing::Light(i));
+        if !(held || state.panel) {
+            continue;
+        }
+        let aspect = f64::from(area.width() / area.height());
+        let Some((x, y, _)) = project(&state.hand.camera, aspect, light.position) else { continue };
+        let at = area.min + vec2(x as f32 * area.width(), y as f32 * area.height());
+        // Dark and bright, to be seen before anything.
+        let radius = if held { 7.0 } else { 5.0 };
+        painter.circle_stroke(at, radius + 1.5, Stroke::new(1.5, Color32::from_black_alpha(160)));
+        painter.circle_stroke(at, radius, Stroke::new(1.5, Color32::from_rgb(255, 210, 80)));
+        if held {
+            label(&painter, at + vec2(12.0, 0.0), egui::Align2::LEFT_CENTER, &format!("light {}", i + 1));
+        }
+    }
+}
+
 /// Text that can be read over any picture.
-pub fn label(painter: &Painter, at: Pos2, align: egui::Align2, text: &str) {
+fn label(painter: &Painter, at: Pos2, align: egui::Align2, text: &str) {
     if text.is_empty() {
         return;
     }

@@ -8,7 +8,8 @@ use super::keys::{Action, HANDS, TABLE};
 use super::state::{Right, State, light_name};
 use super::worker::Frame;
 use crate::gl::ToneMap;
-use crate::settings::{Amount, Backend, LightMode, Method};
+use crate::settings::{Amount, Backend, LightMode, Method, Technique};
+use crate::technique::{Kind, default_technique};
 
 /// What the panel tells besides the state.
 pub struct Facts<'a> {
@@ -46,8 +47,14 @@ pub fn show(ui: &mut Ui, state: &mut State, facts: &Facts) -> Option<Action> {
     });
     ui.separator();
     egui::ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
+        let before = (state.settings.gather, state.right, state.settings.photons.amount);
         section(ui, "Picture", true, |ui| picture(ui, state));
         section(ui, "Photons and gathering", true, |ui| photons(ui, state));
+        let methods = [before.1, state.right].map(|right| right.map(|right| right.method));
+        if before.0 != state.settings.gather || methods[0] != methods[1] {
+            state.gather_asked();
+        }
+        state.wish.photons |= before.2 != state.settings.photons.amount;
         section(ui, "Overlay", true, |ui| {
             ui.checkbox(&mut state.markers.photons, "photons");
             ui.checkbox(&mut state.markers.cells, "cells of the grid");
@@ -110,6 +117,7 @@ fn picture(ui: &mut Ui, state: &mut State) {
             ui.selectable_value(&mut state.settings.light, mode, light_name(mode));
         }
     });
+    at_rest(ui, state);
     ui.add(egui::Slider::new(&mut state.exposure, -10.0..=10.0).text("exposure, EV"));
     ui.horizontal(|ui| {
         ui.label("tone map");
@@ -121,6 +129,27 @@ fn picture(ui: &mut Ui, state: &mut State) {
         ui.add(DragValue::new(&mut state.passes).range(1..=4096));
         ui.label("passes");
         ui.checkbox(&mut state.paused, "pause");
+    });
+}
+
+/// How passes are made.
+fn at_rest(ui: &mut Ui, state: &mut State) {
+    let name = |kind: Option<Kind>| match kind {
+        None => "automatic",
+        Some(Kind::FinalGather) => "final gathering",
+        Some(Kind::Map) => "density estimates",
+    };
+    // Where it is not to be had, density estimates take its place.
+    let suits = matches!(default_technique(&state.scene, &state.settings), Technique::FinalGather(_));
+    ui.horizontal(|ui| {
+        ui.label("at rest");
+        egui::ComboBox::from_id_salt("at rest").selected_text(name(state.wish.kind)).show_ui(ui, |ui| {
+            for kind in [None, Some(Kind::FinalGather), Some(Kind::Map)] {
+                ui.add_enabled_ui(suits || kind != Some(Kind::FinalGather), |ui| {
+                    ui.selectable_value(&mut state.wish.kind, kind, name(kind));
+                });
+            }
+        });
     });
 }
 
@@ -178,16 +207,24 @@ fn stages(ui: &mut Ui, facts: &Facts) {
         let [width, height] = made.size;
         let name = made.backend.map_or("", Backend::name);
         let state = match (frame.converged, made.passes) {
+            (_, 0) => "draft".to_string(),
             (true, passes) => format!("converged, {passes} passes"),
             (false, passes) => format!("pass {passes}"),
         };
         ui.label(RichText::new(format!("{name}: {width} × {height}, {}, {state}", made.level.describe())).strong());
+        if let Some(error) = made.error {
+            ui.label(format!("relative error about {:.2} %", 100.0 * error));
+        }
         if building {
             ui.label("building programs …");
         }
-        if let (Some(photons), Some(radius)) = (made.photons, made.radius) {
-            let method = made.method.map_or("", Method::name);
-            ui.label(format!("{} photons stored, {method}, R = {radius:.3} m", photons.stored));
+        let how = match (made.technique, made.radius) {
+            (Technique::FinalGather(gather), _) => format!("final gathering, {} rays a site", gather.rays),
+            (_, Some(radius)) => format!("{}, R = {radius:.3} m", made.method.map_or("", Method::name)),
+            _ => String::new(),
+        };
+        if let Some(photons) = made.photons {
+            ui.label(format!("{} photons stored, {how}", photons.stored));
         }
         let t = &made.times;
         let named = [

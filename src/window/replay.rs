@@ -4,7 +4,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::engine::Engine;
+use super::engine::{Engine, Made};
 use super::ladder::{Ladder, Level};
 use super::percentiles::{Percentiles, resident_bytes};
 use super::request::Request;
@@ -13,9 +13,10 @@ use super::turn::Turn;
 use crate::census::{Kind, alive};
 use crate::error::Result;
 use crate::gl::{Headless, Picture};
-use crate::pipeline::Machine;
+use crate::pipeline::{Machine, Times};
 use crate::scene::Scene;
 use crate::settings::{Backend, Method, Settings};
+use crate::technique::Wish;
 
 /// What a replay took.
 #[derive(Clone, Debug, Default, serde::Serialize)]
@@ -24,36 +25,70 @@ pub struct Replayed {
     pub frame_ms: Percentiles,
     /// Milliseconds a frame may take; none: full quality, however long it takes.
     pub budget_ms: Option<f64>,
+    /// The slowest pictures, the slowest first.
+    pub slowest: Vec<Slow>,
     /// How many pictures were made at which quality, the most frequent first.
     pub levels: Vec<(String, usize)>,
     /// Photons of the last picture.
     pub photons_stored: u64,
     /// Memory of the process after a quarter of the pictures, and after the last; bytes.
     pub memory_bytes: [u64; 2],
-    /// GL objects alive at the same moments.
+    /// The same after every eighth of the pictures.
+    pub memory_curve_bytes: Vec<u64>,
+    /// GL objects alive after a quarter of the pictures, and after the last.
     pub gl_objects: [i64; 2],
     /// OpenCL objects alive at the same moments.
     pub cl_objects: [i64; 2],
 }
 
+/// A picture that took long, and why.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct Slow {
+    /// Its number in the script.
+    pub frame: usize,
+    /// From the request to the picture, ms.
+    pub ms: f64,
+    /// Its quality.
+    pub level: String,
+    /// Stages of the picture.
+    pub times: Times,
+}
+
+/// The slowest pictures that are told of: one in a hundred of a script of 300 and some more.
+const SLOWEST: usize = 8;
+
+/// Points of the memory's curve.
+const EIGHTHS: usize = 8;
+
 /// Counts along a replay.
 #[derive(Clone, Debug, Default)]
 pub struct Counting {
     times: Vec<f64>,
+    slowest: Vec<Slow>,
     levels: Vec<(String, usize)>,
     photons: u64,
     quarter: Option<(u64, [i64; 2])>,
+    memory: Vec<u64>,
 }
 
 impl Counting {
     /// A picture that took so long, of `frames` in all.
-    pub fn add(&mut self, ms: f64, level: Level, photons: u64, frames: usize) {
+    pub fn add(&mut self, ms: f64, made: &Made, frames: usize) {
+        self.photons = made.photons.map_or(0, |photons| photons.stored);
+        let name = made.level.describe();
+        let rank = self.slowest.partition_point(|slow| slow.ms >= ms);
+        if rank < SLOWEST {
+            let slow = Slow { frame: self.times.len(), ms, level: name.clone(), times: made.times };
+            self.slowest.insert(rank, slow);
+            self.slowest.truncate(SLOWEST);
+        }
         self.times.push(ms);
-        self.photons = photons;
-        let name = level.describe();
         match self.levels.iter_mut().find(|(known, _)| *known == name) {
             Some((_, count)) => *count += 1,
             None => self.levels.push((name, 1)),
+        }
+        if self.times.len() * EIGHTHS >= frames * (self.memory.len() + 1) {
+            self.memory.push(resident_bytes());
         }
         if self.times.len() * 4 >= frames && self.quarter.is_none() {
             self.quarter = Some((resident_bytes(), [alive(Kind::OpenGl), alive(Kind::OpenCl)]));
@@ -73,9 +108,11 @@ impl Counting {
         Replayed {
             frame_ms: Percentiles::of(&self.times),
             budget_ms,
+            slowest: self.slowest,
             levels: self.levels,
             photons_stored: self.photons,
             memory_bytes: [then.0, now.0],
+            memory_curve_bytes: self.memory,
             gl_objects: [then.1[0], now.1[0]],
             cl_objects: [then.1[1], now.1[1]],
         }
@@ -111,10 +148,10 @@ pub fn replay(
     while counting.frames() < frames {
         let mut seen = scene.clone();
         script.apply(counting.frames(), &mut seen);
-        let request = Request { scene: Arc::new(seen), settings: settings.clone(), backend };
+        let request = Request::new(seen, settings.clone(), backend, &Wish::default());
         let level = ladder.as_ref().map_or(Level::FULL, Ladder::level);
         let start = Instant::now();
-        let Some(made) = engine.pass(&request, level, 0, false)? else { continue };
+        let Some(made) = engine.draft(&request, level, false)? else { continue };
         engine.copy_to(&mut picture)?;
         let ms = start.elapsed().as_secs_f64() * 1e3;
         if !warm {
@@ -124,7 +161,7 @@ pub fn replay(
         if let Some(ladder) = &mut ladder {
             ladder.measured(made.cost());
         }
-        counting.add(ms, level, made.photons.map_or(0, |photons| photons.stored), frames);
+        counting.add(ms, &made, frames);
     }
     let replayed = counting.finish(budget);
     drop(picture);

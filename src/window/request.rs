@@ -6,7 +6,8 @@ use crate::features::{Features, is_divided};
 use crate::gathering::Gathering;
 use crate::pack::Packed;
 use crate::scene::{Camera, Scene};
-use crate::settings::{Amount, Backend, DensityKernel, LightMode, Method, Settings};
+use crate::settings::{Amount, Backend, DensityKernel, LightMode, Method, Settings, Technique};
+use crate::technique::Wish;
 
 use super::ladder::Level;
 
@@ -15,8 +16,10 @@ use super::ladder::Level;
 pub struct Request {
     /// What is seen, and from where.
     pub scene: Arc<Scene>,
-    /// How; the size is the pane's, pixels.
+    /// How, while things move; the size is the pane's, pixels.
     pub settings: Settings,
+    /// How passes are made at rest. They may be of another technique and of fewer photons, each.
+    pub passes: Settings,
     /// Where it is made.
     pub backend: Backend,
 }
@@ -33,6 +36,21 @@ pub struct Key {
 }
 
 impl Request {
+    /// What `settings` ask for, refined as `wish` says where that suits the scene.
+    pub fn new(scene: Scene, settings: Settings, backend: Backend, wish: &Wish) -> Request {
+        let mut passes = settings.clone();
+        if wish.settle(&scene, &mut passes).is_err() {
+            // What was asked for is not to be had in this scene: density estimates always are.
+            passes = Settings { technique: Technique::Map, ..settings.clone() };
+        }
+        Request { scene: Arc::new(scene), settings, passes, backend }
+    }
+
+    /// Whether passes are of another technique than what moves: of other programs, then, and other tables.
+    pub fn refines_apart(&self) -> bool {
+        self.passes.technique != self.settings.technique
+    }
+
     /// See [`Key`].
     pub fn key(&self) -> Key {
         let packed = Packed::new(&self.scene, self.scene.camera.position);
@@ -52,17 +70,17 @@ impl Request {
         if request.scene.camera != *camera {
             Arc::make_mut(&mut request.scene).camera = camera.clone();
         }
-        (request.settings.width, request.settings.height) = (width, height);
+        for settings in [&mut request.settings, &mut request.passes] {
+            (settings.width, settings.height) = (width, height);
+        }
         request
     }
 
-    /// Settings of one pass at a level.
-    pub fn pass(&self, level: Level, pass: u32) -> Settings {
+    /// Settings of a single picture at a level.
+    pub fn draft(&self, level: Level) -> Settings {
         let mut settings = self.settings.clone();
         settings.width = level.side(settings.width);
         settings.height = level.side(settings.height);
-        settings.first_sample += pass * settings.samples;
-        settings.photons.pass += pass;
         settings.photons.amount = match settings.photons.amount {
             Amount::Paths(paths) => Amount::Paths(level.paths(paths)),
             Amount::Stored(stored) => Amount::Stored(level.paths(stored)),
@@ -71,11 +89,5 @@ impl Request {
             settings.light = LightMode::Direct;
         }
         settings
-    }
-
-    /// Whether further passes would give another picture.
-    pub fn has_passes(&self) -> bool {
-        let lit = !self.scene.lights.is_empty();
-        self.settings.samples > 1 || (lit && self.settings.light != LightMode::Direct)
     }
 }

@@ -11,6 +11,7 @@ use super::request::Request;
 use crate::gl::ToneMap;
 use crate::scene::Scene;
 use crate::settings::{Backend, LightMode, Method, Settings};
+use crate::technique::{Kind, Wish};
 
 /// The right picture of two: what differs from the left one.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,6 +54,8 @@ pub struct State {
     pub paused: bool,
     /// Passes until converged.
     pub passes: u32,
+    /// How passes are made: what was asked for, the rest open.
+    pub wish: Wish,
     /// The panel is there.
     pub panel: bool,
     /// The help is there.
@@ -84,7 +87,7 @@ pub enum Effect {
 
 impl State {
     /// A scene at its own camera.
-    pub fn new(path: PathBuf, scene: Scene, settings: Settings, backend: Backend) -> State {
+    pub fn new(path: PathBuf, scene: Scene, settings: Settings, backend: Backend, wish: Wish) -> State {
         let mut settings = settings;
         if settings.gather.method == Method::Auto {
             settings.gather.method = Method::Grid; // choosing anew for every frame would swap programs as one moves
@@ -104,7 +107,8 @@ impl State {
             tone_map: ToneMap::default(),
             markers: markers::Wanted::default(),
             paused: false,
-            passes: 64,
+            passes: 256,
+            wish,
             panel: true,
             help: false,
             held: None,
@@ -118,13 +122,17 @@ impl State {
     pub fn request(&self, right: bool) -> Option<Request> {
         let mut scene = self.scene.clone();
         scene.camera = self.hand.camera.clone();
-        let mut request = Request { scene: Arc::new(scene), settings: self.settings.clone(), backend: self.backend };
+        let (mut settings, mut backend) = (self.settings.clone(), self.backend);
         if right {
             let other = self.right?;
-            request.backend = other.backend;
-            request.settings.gather.method = other.method;
+            (backend, settings.gather.method) = (other.backend, other.method);
         }
-        Some(request)
+        Some(Request::new(scene, settings, backend, &self.wish))
+    }
+
+    /// The user changed how photons are gathered: passes do it that way, too.
+    pub fn gather_asked(&mut self) {
+        self.wish.kind = Some(Kind::Map);
     }
 
     /// The file was read again: what the user changed gives way, but the camera stays unless the file moved it.
@@ -140,10 +148,13 @@ impl State {
     /// Does what a key asks for. `shift` means the right picture.
     pub fn act(&mut self, action: Action, shift: bool) -> Effect {
         match action {
-            Action::Gather(method) => match (&mut self.right, shift) {
-                (Some(right), true) => right.method = method,
-                _ => self.settings.gather.method = method,
-            },
+            Action::Gather(method) => {
+                match (&mut self.right, shift) {
+                    (Some(right), true) => right.method = method,
+                    _ => self.settings.gather.method = method,
+                }
+                self.gather_asked();
+            }
             Action::Backend => match (&mut self.right, shift) {
                 (Some(right), true) => right.backend = next(right.backend, &Backend::ALL),
                 _ => self.backend = next(self.backend, &Backend::ALL),
@@ -266,7 +277,7 @@ mod tests {
     fn state() -> State {
         let text = "[camera]\nposition = [0, 0, 9]\nlook_at = [0, 0, 0]\n";
         let scene = crate::scene::parse(text, "empty.toml").unwrap();
-        State::new("empty.toml".into(), scene, Settings::default(), Backend::OpenGl)
+        State::new("empty.toml".into(), scene, Settings::default(), Backend::OpenGl, Wish::default())
     }
 
     #[test]

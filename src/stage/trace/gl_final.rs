@@ -17,8 +17,7 @@ pub struct FinalTextures {
 
 impl FinalTextures {
     /// The samplers of `final.glsl`, in the order of their texture units.
-    pub const SAMPLERS: [&str; 5] =
-        [Chart::TABLE, Texel::TABLE, LitPoint::TABLE, Site::TABLE, SiteSurface::TABLE];
+    pub const SAMPLERS: [&str; 5] = [Chart::TABLE, Texel::TABLE, LitPoint::TABLE, Site::TABLE, SiteSurface::TABLE];
 
     /// Empty tables on the current context.
     ///
@@ -80,6 +79,9 @@ impl FinalTextures {
 
     /// Bytes on the device.
     pub fn bytes(&self) -> usize {
-        self.charts.bytes() + self.texels.bytes() + self.points.bytes() + self.sites.as_ref().map_or(0, |(_, target)| target.bytes())
+        self.charts.bytes()
+            + self.texels.bytes()
+            + self.points.bytes()
+            + self.sites.as_ref().map_or(0, |(_, target)| target.bytes())
     }
 }

@@ -1,0 +1,73 @@
+//! How a window begins, and what it was.
+
+use std::path::PathBuf;
+
+use super::replay::Replayed;
+use super::script::Script;
+use crate::pipeline::Machine;
+use crate::scene::Scene;
+use crate::settings::Settings;
+use crate::technique::Wish;
+
+/// How the window begins.
+pub struct Options {
+    /// The scene file, which is watched.
+    pub path: PathBuf,
+    /// As read from it.
+    pub scene: Scene,
+    /// The size is the picture's at the beginning; the panel comes beside it.
+    pub settings: Settings,
+    /// Where pictures are made; without a backend OpenGL, or what works.
+    pub machine: Machine,
+    /// Milliseconds a frame while things move; `None`: 33 on a GPU, 100 in software.
+    pub budget: Option<f64>,
+    /// Passes until converged.
+    pub passes: u32,
+    /// How they are made: what was asked for, the rest open.
+    pub wish: Wish,
+    /// The panel is there from the beginning.
+    pub panel: bool,
+    /// Where screenshots go: a path without extension.
+    pub screenshot: PathBuf,
+    /// Gone through instead of waiting for the user; then the window closes.
+    pub script: Option<Script>,
+    /// Where recorded paths go; recording begins at once where this is given.
+    pub record: Option<PathBuf>,
+    /// Full quality, however long a frame takes.
+    pub full_quality: bool,
+}
+
+/// What a window was, for `--json`.
+#[derive(Clone, Debug, Default, serde::Serialize)]
+pub struct Summary {
+    /// The scene's name.
+    pub scene: String,
+    /// GL_RENDERER of the window.
+    pub renderer: String,
+    /// Milliseconds a frame may take.
+    pub budget_ms: Option<f64>,
+    /// Milliseconds from the program's start to the first picture of the scene in the window.
+    pub first_image_ms: Option<f64>,
+    /// And to the first one by the backend that was asked for.
+    pub first_backend_ms: Option<f64>,
+    /// Pictures shown.
+    pub frames: u64,
+    /// Screenshots and other files written.
+    pub written: Vec<PathBuf>,
+    /// Times that the scene file was read again.
+    pub reloads: u32,
+    /// What was wrong with it at other times, with line and column.
+    pub file_errors: Vec<String>,
+    /// What keys and buttons asked for, in order.
+    pub actions: Vec<String>,
+    /// The longest that handling one event took, ms: input waits no longer than that, or than painting.
+    pub longest_event_ms: f64,
+    /// The longest that painting the window took, ms.
+    pub longest_paint_ms: f64,
+    /// What the script took.
+    pub replayed: Option<Replayed>,
+    /// GL objects that are left when all is closed.
+    pub gl_objects_left: i64,
+    /// OpenCL objects that are left when all is closed.
+    pub cl_objects_left: i64,
+}
