@@ -63,16 +63,11 @@ Gathered queue_photons(SCENE_PARAMS Gathered sum, int first, int end, Float3 cel
     return sum;
 }
 
-// Items that must have a face in common for the group to walk together, and how many more candidates the box around them
-// may bring than each has of its own. Alone, a candidate costs three to four times as much: every item waits for memory.
-#define GROUP_FEW 16
-#define GROUP_WIDER 4.0f
-
-// Photons of the items' faces (or regions), one after the other, as lanes do, as long as that pays.
+// Photons of the items' faces (or regions), one after the other, as lanes do.
 Gathered gather_group(SCENE_PARAMS Query query, int face, int wanted) {
     Gathered sum = nothing_gathered();
     float3 p = query.surface.position;
-    float across = 2.0f * gather_radius();
+    float spread = gather_radius() * GATHER_SPREAD;
     int item = group_item();
     // Between gatherings the queue's memory serves to agree on who gathers: boxes of a group's points.
     __local float4 *low = queue;
@@ -89,43 +84,25 @@ Gathered gather_group(SCENE_PARAMS Query query, int face, int wanted) {
         float4 chosen = low[0];
         barrier(CLK_LOCAL_MEM_FENCE);
         if (chosen.w < 0.0f) break;
-#ifdef GATHER_TILES
-        // A region of one cell is the same list for all.
-        float3 cells = region_counts_scalar(count_of(chosen.w));
-        int is_one_list = cells.x * cells.y * cells.z == 1.0f;
-#else
-        int is_one_list = 0;
-#endif
         // Items far from it have little in common with it.
         float3 apart = fabs(p - chosen.xyz);
-        int together = waiting && float_of(face) == chosen.w &&
-            (is_one_list || max(max(apart.x, apart.y), apart.z) <= across);
+        int together = waiting && float_of(face) == chosen.w && max(max(apart.x, apart.y), apart.z) <= 0.5f * spread;
         low[item].xyz = together ? p : (float3)(3e38f);
-        high[item] = together ? (float4)(p, 1.0f) : (float4)(-3e38f, -3e38f, -3e38f, 0.0f);
+        high[item].xyz = together ? p : (float3)(-3e38f);
         for (int half_size = GROUP_SIZE / 2; half_size > 0; half_size /= 2) {
             barrier(CLK_LOCAL_MEM_FENCE);
             if (item < half_size) {
-                float4 own = high[item], other = high[item + half_size];
                 low[item].xyz = min(low[item].xyz, low[item + half_size].xyz);
-                high[item] = (float4)(max(own.xyz, other.xyz), own.w + other.w);
+                high[item].xyz = max(high[item].xyz, high[item + half_size].xyz);
             }
         }
         barrier(CLK_LOCAL_MEM_FENCE);
         float3 box_low = low[0].xyz, box_high = high[0].xyz;
-        float count = high[0].w;
         barrier(CLK_LOCAL_MEM_FENCE);
-        // Along a surface, the two longer sides count.
-        float3 wider = (box_high - box_low) / across + 1.0f;
-        float wider_by = wider.x * wider.y * wider.z / min(min(wider.x, wider.y), wider.z);
-        query.alone = count < (float)GROUP_FEW || (wider_by > GROUP_WIDER && !is_one_list);
-        if (query.alone) {
-            query.surface.position = p;
-            if (waiting) sum = add_gathered(sum, gather_face(SCENE face, query, p, p));
-            break;
-        }
         // Items that do not take part stand where no photon is.
         query.surface.position = together ? p : (float3)(1e18f);
-        sum = add_gathered(sum, gather_face(SCENE count_of(chosen.w), query, box_low, box_high));
+        Gathered part = gather_face(SCENE count_of(chosen.w), query, box_low, box_high);
+        sum = add_gathered(sum, part);
         waiting = waiting && !together;
     }
     return sum;

@@ -35,9 +35,6 @@ struct Query {
     Surface surface;
     Vec3 to_viewer;
     Real alpha; // GGX α
-#ifdef GATHER_GROUP
-    int alone; // the same for all of a group: each work-item weighs its photons for itself
-#endif
 };
 
 Gathered nothing_gathered() {
@@ -242,11 +239,8 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
                 int end = count_of(cell_start(bucket + length));
                 int place = count_of(cell_start(bucket)) + SLICE;
 #ifdef GATHER_GROUP
-                if (!query.alone) {
-                    sum = queue_photons(SCENE sum, place, end, triple(float_of(face), float_of(v), float_of(w)), query);
-                    place = end;
-                }
-#endif
+                sum = queue_photons(SCENE sum, place, end, triple(float_of(face), float_of(v), float_of(w)), query);
+#else
                 while (place < end) {
                     Gathered part = nothing_gathered();
                     int stop = min(end, place + SUM_BLOCK * SLICES);
@@ -304,6 +298,7 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
                     sum = add_gathered(sum, part);
 #endif
                 }
+#endif
             }
         }
     }
@@ -316,7 +311,7 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
     }
 #endif
 #ifdef GATHER_GROUP
-    if (!query.alone) sum = weigh_queue(SCENE sum, query);
+    sum = weigh_queue(SCENE sum, query);
 #endif
     return sum;
 }
