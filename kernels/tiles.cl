@@ -131,10 +131,9 @@ INLINE Int last_tile(Real high, float size, int tiles) {
 #define TO_ARRAY(v, array) CONCAT(vstore, LANES)(v, 0, array)
 #endif
 
-// A rectangle of tiles in three words: left | top << 16, columns | lines << 16, and which of its tiles, row by row, a
-// photon enters: all of them where there are more than a word has bits.
-#define SPAN_WORDS 3
-#define SPAN_BITS 32
+// A rectangle of tiles in four words: left | top << 16, columns | lines << 16, and which of its tiles, row by row, a
+// photon enters: all of them where there are more than two words have bits.
+#define SPAN_BITS 64
 
 // The first photon's and its neighbours' rectangles of tiles, a lane each: left, top, columns, lines; no column where
 // a disc meets no ray. Photons from `end` on are the last one once more.
@@ -192,7 +191,7 @@ __kernel void tiles_count(__global const float *frame, __global const float *gat
         spans_of(block, end, frame, gather, photon_positions, tiles_down, left, top, columns, lines);
         for (int lane = 0; lane < min(LANES, end - block); lane++) {
             int i = block + lane, width = columns[lane], size = width * lines[lane];
-            uint own = 0u, mask = 0u;
+            uint own = 0u, mask = 0u, second = 0u;
             if (size > 0) {
                 float3 p = photon_position_scalar(i);
                 float face = photon_face(i);
@@ -200,7 +199,8 @@ __kernel void tiles_count(__global const float *frame, __global const float *gat
                 for (int t = 0, column = 0; t < size; t++) {
                     if (region_of(tile, face, p, tiles, regions) >= 0) {
                         own++;
-                        mask |= t < SPAN_BITS ? 1u << t : 0u;
+                        mask |= t < 32 ? 1u << t : 0u;
+                        second |= t >= 32 && t < SPAN_BITS ? 1u << (t - 32) : 0u;
                     }
                     tile++;
                     if (++column == width) {
@@ -209,11 +209,11 @@ __kernel void tiles_count(__global const float *frame, __global const float *gat
                     }
                 }
             }
-            if (size > SPAN_BITS) mask = ~0u;
+            if (size > SPAN_BITS) mask = second = ~0u;
             // Saturated: the host refuses what is far too many.
             entered = add_sat(entered, own);
-            uint3 span = (uint3)(left[lane] | (top[lane] << 16), own ? width | (lines[lane] << 16) : 0, mask);
-            vstore3(span, i, spans);
+            uint first = left[lane] | (top[lane] << 16), extent = own ? width | (lines[lane] << 16) : 0;
+            vstore4((uint4)(first, extent, mask, second), i, spans);
         }
     }
     counts[item] = entered;
@@ -230,14 +230,15 @@ __kernel void tiles_fill(__global const float *frame, __global const float *gath
     int tiles_across = count_of(gather_tiles_across());
     uint place = places[item];
     for (int i = item * per_item; i < end; i++) {
-        uint3 span = vload3(i, spans);
+        uint4 span = vload4(i, spans);
         int width = span.y & 0xffffu, size = width * (int)(span.y >> 16);
         if (size == 0) continue;
         float3 p = photon_position_scalar(i);
         float face = photon_face(i);
         int tile = (int)(span.x >> 16) * tiles_across + (int)(span.x & 0xffffu);
         for (int t = 0, column = 0; t < size; t++) {
-            int r = t >= SPAN_BITS || (span.z >> t & 1u) ? region_of(tile, face, p, tiles, regions) : -1;
+            uint entered = t < 32 ? span.z >> t : span.w >> (t - 32);
+            int r = t >= SPAN_BITS || (entered & 1u) ? region_of(tile, face, p, tiles, regions) : -1;
             if (r >= 0) {
                 float flipped = region_flipped_scalar(r);
                 float3 inverse = grid_axes(region_inverse_cell_scalar(r), flipped);

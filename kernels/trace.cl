@@ -12,6 +12,7 @@
 #include "shared/cell.glsl"
 #include "shared/tile.glsl"
 #include "shared/gather.glsl"
+#include "group.cl"
 #include "shared/sampling.glsl"
 #include "shared/texels.glsl"
 #include "shared/final.glsl"
@@ -25,9 +26,15 @@ __kernel void trace(SCENE_PARAMS __global float *film, int width, int height, in
     int band = down / BAND * stride % bands;
     int column = (int)get_global_id(0) * LANE_COLUMNS;
     int row = (band * BAND + down % BAND) * LANE_ROWS;
+#ifdef GATHER_GROUP
+    // Items beyond the image help its last pixels' group along.
+    Vec3 radiance = pixel_radiance(SCENE min(column, width - 1), min(row, height - 1));
+    if (column < width && row < height) store_block(film, column, row, width, height, radiance);
+#else
     if (column >= width || row >= height) return;
     Vec3 radiance = pixel_radiance(SCENE lanes_i(column) + LANE_COLUMN, lanes_i(row) + LANE_ROW);
     store_block(film, column, row, width, height, radiance);
+#endif
 }
 
 #if defined(SLICED) || defined(PARTS)

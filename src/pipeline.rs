@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use crate::cells::{CellSize, Form};
 use crate::change::{Change, Stage, is_stale};
-use crate::choice::{self, Class, Estimate, Question};
+use crate::choice::{self, Class, Question};
 use crate::cl;
 use crate::cpu::scene::SceneTables;
 use crate::emission::Emission;
@@ -329,16 +329,13 @@ impl Pipeline {
                 self.map.restore()?;
                 let tables = SceneTables::new(&packed, &features);
                 let stored = photons.map_or(0, |counts| counts.stored);
-                let radius = match settings.gather.radius {
-                    Some(radius) => radius,
-                    None => radius::choose(&tables, &frame, &self.map.sample(radius::SAMPLE)?, stored),
-                };
-                chosen = self.choose(settings, radius, &tables, &frame, stored)?;
+                chosen = self.choose(settings, &tables, &frame, stored)?;
                 // Tiles take photons as they were stored.
                 if !chosen.method.is_tiled() {
-                    chosen.hashed = self
-                        .map
-                        .sort(&grid_wanted(settings, radius, self.gathers_alone(), packed.origin), chosen.method)?;
+                    chosen.hashed = self.map.sort(
+                        &grid_wanted(settings, chosen.radius, self.gathers_alone(), packed.origin),
+                        chosen.method,
+                    )?;
                 }
                 times.grid = lap.ms();
             }
@@ -491,44 +488,29 @@ impl Pipeline {
         matches!(self.class(), Class::OpenClGpu | Class::OpenGlGpu)
     }
 
-    /// What each method would take for the last picture, the cheapest first; empty where it has no photons.
-    ///
-    /// # Errors
-    /// [`Error::Device`] when the map cannot be looked at.
-    pub fn estimates(&self) -> Result<Vec<Estimate>> {
-        let Some((last, counts)) = self.last.as_ref().and_then(|last| Some((last, last.photons?))) else {
-            return Ok(Vec::new());
-        };
-        let tables = SceneTables::new(&last.packed, &last.features);
-        let frame = last.packed.frame(&last.scene.camera, &last.settings);
-        let (stored, radius) = (counts.stored, last.chosen.radius);
-        let question = Question { stored, radius, tile: None, class: self.class() };
-        Ok(choice::estimates(&tables, &frame, &self.map.sample(radius::SAMPLE)?, &question))
-    }
-
     /// Makes the GL context the thread's own again: another pipeline may have worked in between.
     fn make_current(&self) -> Result<()> {
         self.context.as_ref().map_or(Ok(()), Headless::make_current)
     }
 
     /// Settles what the settings leave open about a new map's gathering.
-    fn choose(
-        &self,
-        settings: &Settings,
-        radius: f32,
-        tables: &SceneTables,
-        frame: &Frame,
-        stored: u64,
-    ) -> Result<Chosen> {
-        let Gather { method, tile, cells, .. } = settings.gather;
-        let asked = Chosen { radius, hashed: false, method, tile: tile.unwrap_or(tiling::TILE) };
+    fn choose(&self, settings: &Settings, tables: &SceneTables, frame: &Frame, stored: u64) -> Result<Chosen> {
+        let Gather { method, tile, cells, radius, .. } = settings.gather;
         // Who asks for cells asks for a grid.
-        if method != Method::Auto || cells.is_some() {
-            let method = if method == Method::Auto { Method::Grid } else { method };
-            return Ok(Chosen { method, ..asked });
-        }
+        let method = if method == Method::Auto && cells.is_some() { Method::Grid } else { method };
+        // What is left open is judged by a sample of the map.
+        let sample = match (radius, method) {
+            (Some(_), method) if method != Method::Auto => None,
+            _ => Some(self.map.sample(radius::SAMPLE)?),
+        };
+        let radius = match (radius, &sample) {
+            (None, Some(sample)) => radius::choose(tables, frame, sample, stored),
+            (radius, _) => radius.unwrap_or_default(),
+        };
+        let asked = Chosen { radius, hashed: false, method, tile: tile.unwrap_or(tiling::TILE) };
+        let Some(sample) = sample.filter(|_| method == Method::Auto) else { return Ok(asked) };
         let question = Question { stored, radius, tile, class: self.class() };
-        let estimates = choice::estimates(tables, frame, &self.map.sample(radius::SAMPLE)?, &question);
+        let estimates = choice::estimates(tables, frame, &sample, &question);
         let Some(best) = estimates.first() else { return Ok(Chosen { method: Method::Grid, ..asked }) };
         Ok(Chosen { method: best.method, tile: best.tile.unwrap_or(asked.tile), ..asked })
     }

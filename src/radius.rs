@@ -31,7 +31,13 @@ const PLAINLY: usize = 4;
 /// over which the photons would be spread if they lay everywhere as densely as in the median visible point.
 pub fn choose(scene: &SceneTables, frame: &Frame, sample: &Sample, stored: u64) -> f32 {
     let points = visible_points(scene, frame);
-    let mut areas: Vec<f64> = points.iter().filter_map(|(p, face)| area_of_a_photon(sample, *p, *face)).collect();
+    let mut faces = vec![Vec::new(); 2 * scene.objects.len()];
+    for (position, face) in sample.positions.iter().zip(&sample.faces) {
+        faces[*face as usize].push(Vec3::from(position.position));
+    }
+    let area =
+        |&(p, (object, side)): &(Vec3, (usize, f32))| area_of_a_photon(&faces[2 * object + usize::from(side < 0.0)], p);
+    let mut areas: Vec<f64> = points.iter().filter_map(area).collect();
     if areas.is_empty() {
         // Nothing is seen where photons lie: any radius gives the same black picture.
         return 1.0;
@@ -65,15 +71,10 @@ pub(crate) fn visible_points(scene: &SceneTables, frame: &Frame) -> Vec<(Vec3, (
     raster.filter_map(see).collect()
 }
 
-/// Area per photon of the sample around a point, from the disc that its nearest photons span, m².
-fn area_of_a_photon(sample: &Sample, point: Vec3, face: (usize, f32)) -> Option<f64> {
+/// Area per photon around a point, from the disc that the nearest ones of its face's photons span, m².
+fn area_of_a_photon(photons: &[Vec3], point: Vec3) -> Option<f64> {
     const NEAREST: usize = 24; // the area is known to ±20%, R to ±10%
-    let face = (2 * face.0 + usize::from(face.1 < 0.0)) as u32;
-    let same_face = |i: &usize| sample.faces[*i] == face;
-    let mut d2: Vec<f32> = (0..sample.positions.len())
-        .filter(same_face)
-        .map(|i| Vec3::from(sample.positions[i].position).distance_squared(point))
-        .collect();
+    let mut d2: Vec<f32> = photons.iter().map(|photon| photon.distance_squared(point)).collect();
     if d2.len() <= NEAREST {
         return None;
     }

@@ -40,6 +40,7 @@ const FILES: &[(&str, &str)] = &[
     ("shim.cl", include_str!("../kernels/shim.cl")),
     ("incoherent.cl", include_str!("../kernels/incoherent.cl")),
     ("trace.cl", include_str!("../kernels/trace.cl")),
+    ("group.cl", include_str!("../kernels/group.cl")),
     ("probe.cl", include_str!("../kernels/probe.cl")),
     ("scan.cl", include_str!("../kernels/scan.cl")),
     ("paths.cl", include_str!("../kernels/paths.cl")),
@@ -54,8 +55,9 @@ const FILES: &[(&str, &str)] = &[
 
 /// Names that `plan --source` accepts: all that is compiled on its own.
 pub fn units() -> Vec<&'static str> {
-    let whole =
-        |name: &str| !name.contains('/') && !name.starts_with("shim") && !["incoherent.cl", "paths.cl"].contains(&name);
+    let whole = |name: &str| {
+        !name.contains('/') && !name.starts_with("shim") && !["incoherent.cl", "paths.cl", "group.cl"].contains(&name)
+    };
     FILES.iter().map(|(name, _)| *name).filter(|name| whole(name)).collect()
 }
 

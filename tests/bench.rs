@@ -148,6 +148,37 @@ fn the_report_goes_on_where_it_was_left() {
 }
 
 #[test]
+fn the_choice_is_judged_by_what_was_measured_and_judged_again_from_kept_rows() {
+    let directory = tempfile::tempdir().unwrap();
+    let out = directory.path().join("out");
+    let command = format!("bench gi_ref --suite choice --quick --backends cpu --json -o {}", out.display());
+    let report = json(&command);
+    // The grid, and tiles and tiled grids of three sizes.
+    assert_eq!(rows(&report).len(), 7);
+    let times = |report: &Value| rows(report).iter().map(|row| row["ms"].as_f64().unwrap()).collect::<Vec<_>>();
+    let least = times(&report).into_iter().fold(f64::INFINITY, f64::min);
+    for row in rows(&report) {
+        let expected = row["ms"].as_f64().unwrap() / least;
+        assert!((row["over_best"].as_f64().unwrap() / expected - 1.0).abs() < 1e-9, "{row}");
+    }
+    // What is chosen is told from what is best: the kept rows say that another one was.
+    let chosen = report["summaries"][0][0]["chosen"].clone();
+    let saved = out.join("choice.json");
+    let mut kept: Value = serde_json::from_slice(&std::fs::read(&saved).unwrap()).unwrap();
+    for row in kept["rows"].as_array_mut().unwrap() {
+        row["over_best"] = if row["gather"] == chosen { 3.25 } else { 1.0 }.into();
+    }
+    std::fs::write(&saved, kept.to_string()).unwrap();
+    let again = json(&command);
+    assert_eq!(times(&again), times(&report), "kept, not measured anew");
+    assert_eq!(
+        (&again["summaries"][0][0]["chosen"], &again["summaries"][0][0]["chosen/best"]),
+        (&chosen, &3.25.into())
+    );
+    assert_eq!(again["summaries"][2][0]["within 15%"], 0);
+}
+
+#[test]
 fn wrong_usage_is_told_and_ends_with_2() {
     for (arguments, expected) in [
         ("bench nowhere", "neither a file nor one of gi_ref"),

@@ -24,6 +24,9 @@ struct Gathered {
 #ifdef GATHER_KNN
     Real inverse_radius; // of the disc that the photons span, 1/m
 #endif
+#ifdef GATHER_GROUP
+    int queued; // photons of the group's queue that are not weighed yet
+#endif
 };
 
 // What a photon is weighed against: the point and, for glossy lobes, the viewer.
@@ -39,6 +42,9 @@ Gathered nothing_gathered() {
     none.flux = make3(lanes(0.0f), lanes(0.0f), lanes(0.0f));
 #ifdef HAS_GLOSSY
     none.glint = none.flux;
+#endif
+#ifdef GATHER_GROUP
+    none.queued = 0;
 #endif
     return none;
 }
@@ -71,15 +77,13 @@ Bool walled_off(SCENE_PARAMS Vec3 point, Vec3 photon) {
 }
 #endif
 
-// Adds photon i with a weight of K/K(0).
-Gathered add_photon(SCENE_PARAMS Gathered sum, int i, Real weight, Vec3 position, Query query) {
+// Adds a photon's light with a weight of K/K(0).
+Gathered add_light(SCENE_PARAMS Gathered sum, Real weight, Vec3 position, Vec3 power, Vec3 to_light, Query query) {
 #ifdef HAS_BOTH_SIDES
     weight = pick(walled_off(SCENE query.surface.position, position), 0.0f, weight);
 #endif
-    Vec3 power = photon_power_same(i);
     sum.flux = scale_add3(power, weight, sum.flux);
 #ifdef HAS_GLOSSY
-    Vec3 to_light = photon_direction_same(i);
     // At the rim of a curved surface a photon may come from below the query point's horizon.
     Real cos_i = dot3(query.surface.normal, to_light);
     Real cos_o = max(dot3(query.surface.normal, query.to_viewer), lanes(0.0f));
@@ -87,6 +91,17 @@ Gathered add_photon(SCENE_PARAMS Gathered sum, int i, Real weight, Vec3 position
     sum.glint = scale_add3(power, pick(cos_i > 0.0f, weight * lobe, 0.0f), sum.glint);
 #endif
     return sum;
+}
+
+// The same of photon i.
+Gathered add_photon(SCENE_PARAMS Gathered sum, int i, Real weight, Vec3 position, Query query) {
+    Vec3 power = photon_power_same(i);
+#ifdef HAS_GLOSSY
+    Vec3 to_light = photon_direction_same(i);
+#else
+    Vec3 to_light = power; // nobody asks
+#endif
+    return add_light(SCENE sum, weight, position, power, to_light, query);
 }
 
 // Most candidates weigh something: a test that spares the others costs more than they do, unless photons are dear.
@@ -111,6 +126,7 @@ Gathered add_photon(SCENE_PARAMS Gathered sum, int i, Real weight, Vec3 position
 #define AREA_BASE(i) region_base_scalar(i)
 #define AREA_CELL(i) region_cell_scalar(i)
 #define AREA_INVERSE_CELL(i) region_inverse_cell_scalar(i)
+#define AREA_OBJECT(i) (count_of(region_face_scalar(i)) / 2)
 #else
 #define AREA_FLIPPED(i) face_flipped_scalar(i)
 #define AREA_ORIGIN(i) face_origin_scalar(i)
@@ -118,9 +134,27 @@ Gathered add_photon(SCENE_PARAMS Gathered sum, int i, Real weight, Vec3 position
 #define AREA_BASE(i) face_base_scalar(i)
 #define AREA_CELL(i) gather_cell_scalar()
 #define AREA_INVERSE_CELL(i) gather_inverse_cell_scalar()
+#define AREA_OBJECT(i) ((i) / 2)
+#endif
+
+#ifdef GATHER_GROUP
+// In group.cl: work-items take photons from memory together.
+Gathered queue_photons(SCENE_PARAMS Gathered sum, int first, int end, Float3 cell, Query query);
+Gathered weigh_queue(SCENE_PARAMS Gathered sum, Query query);
+Gathered gather_group(SCENE_PARAMS Query query, int face, int wanted);
 #endif
 
 #ifndef GATHER_BRUTE
+// Whether an object's surface passes through a box: where it does not, there are no photons of it.
+bool passes_through(bool is_sphere, Float3 anchor, float extent, Float3 low, Float3 high) {
+    Float3 away = (low + high) * 0.5f - (is_sphere ? anchor : triple(0.0f, 0.0f, 0.0f));
+    Float3 reach = (high - low) * 0.5f;
+    if (!is_sphere) return fabs(dot(anchor, away) - extent) <= dot(fabs(anchor), reach);
+    Float3 nearest = max(fabs(away) - reach, triple(0.0f, 0.0f, 0.0f));
+    Float3 farthest = fabs(away) + reach;
+    return dot(nearest, nearest) <= extent * extent && dot(farthest, farthest) >= extent * extent;
+}
+
 // Photons of one face (or region) around the lanes' points, which lie in the box from low to high.
 Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high) {
     Gathered sum = nothing_gathered();
@@ -149,6 +183,19 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
     w_first = max(w_first, 0);
     w_last = min(w_last, count_of(counts.z) - 1);
 #endif
+    // Rows of cells which the surface does not pass through are left out, where there are such: a box filled with cells
+    // has none where the surface lies along its axes.
+    int object = AREA_OBJECT(face);
+    bool is_sphere = object < SPHERE_COUNT;
+    Float3 anchor = grid_axes(object_anchor_scalar(object), flipped);
+    float extent = object_extent_scalar(object) - (is_sphere ? 0.0f : dot(anchor, origin));
+    if (is_sphere) anchor = anchor - origin;
+    float slack = reach - gather_radius();
+#ifdef GRID_HASHED
+    bool has_empty_rows = true;
+#else
+    bool has_empty_rows = counts.y > 1.0f && counts.z > 1.0f;
+#endif
     Real inverse_radius2 = lanes(gather_inverse_radius() * gather_inverse_radius());
 #ifdef GATHER_KNN
     // Binary heap of the nearest so far, the farthest of them at its root: one more than k, whose distance becomes
@@ -167,6 +214,9 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
             float v_low = float_of(v) * cell.y;
             float v_gap = max(max(v_low - high.y, low.y - (v_low + cell.y)), 0.0f);
             float chord = sqrt(max(w_left - v_gap * v_gap, 0.0f));
+            Float3 row_low = triple(low.x - chord, v_low, w_low) - slack;
+            Float3 row_high = triple(high.x + chord, v_low + cell.y, w_low + cell.z) + slack;
+            if (has_empty_rows && !passes_through(is_sphere, anchor, extent, row_low, row_high)) continue;
             int u_first = cell_along(low.x - chord, inverse.x);
             int u_last = cell_along(high.x + chord, inverse.x);
 #ifdef GRID_HASHED
@@ -188,6 +238,9 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
 #endif
                 int end = count_of(cell_start(bucket + length));
                 int place = count_of(cell_start(bucket)) + SLICE;
+#ifdef GATHER_GROUP
+                sum = queue_photons(SCENE sum, place, end, triple(float_of(face), float_of(v), float_of(w)), query);
+#else
                 while (place < end) {
                     Gathered part = nothing_gathered();
                     int stop = min(end, place + SUM_BLOCK * SLICES);
@@ -245,6 +298,7 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
                     sum = add_gathered(sum, part);
 #endif
                 }
+#endif
             }
         }
     }
@@ -256,12 +310,17 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
         sum = add_photon(SCENE sum, heap_photon[h], weight, photon_position_same(heap_photon[h]), query);
     }
 #endif
+#ifdef GATHER_GROUP
+    sum = weigh_queue(SCENE sum, query);
+#endif
     return sum;
 }
 
 // Photons of the lanes' faces (or regions), one after the other.
 Gathered gather_near(SCENE_PARAMS Query query, Int face, Bool wanted) {
-#if LANES == 1
+#if defined(GATHER_GROUP)
+    return gather_group(SCENE query, face, wanted);
+#elif LANES == 1
     Gathered sum = nothing_gathered();
 #ifdef GATHER_KNN
     sum.inverse_radius = 1.0f;

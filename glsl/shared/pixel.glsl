@@ -8,7 +8,12 @@ Vec3 radiance_along(SCENE_PARAMS Sample at, Int tile) {
 #ifdef HAS_OBJECTS
     Hit hit = closest_hit(SCENE origin, direction, lanes_i(NO_OBJECT));
     Bool visible = hit.object >= 0;
+#ifdef GATHER_GROUP
+    // A group's work-items come to its barriers together.
+    {
+#else
     if (any_lane(visible)) {
+#endif
         // A lane that saw nothing shades object 0 and is dropped below.
         hit.object = pick_i(visible, hit.object, 0);
         hit.t = pick(visible, hit.t, 0.0f);

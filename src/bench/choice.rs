@@ -2,20 +2,34 @@
 
 use std::time::Instant;
 
+use serde::{Deserialize, Serialize};
+
+use super::gather::emit;
+use super::saved;
 use super::table::{Table, Value};
 use super::timing::{Samples, median};
-use super::{Measured, Options, Progress, Steps};
-use crate::choice::{self, Estimate, TERMS};
+use super::{MachineInfo, Measured, Options, Progress, Report, Steps, Suite};
+use crate::choice::{self, Class, Estimate, Question, TERMS, Taken};
+use crate::cpu::grid::face_of;
+use crate::cpu::scene::SceneTables;
 use crate::error::{Error, Result};
+use crate::features::Features;
+use crate::pack::Packed;
 use crate::pipeline::Pipeline;
+use crate::radius;
 use crate::scene::Scene;
-use crate::settings::{Amount, Gather, LightMode, Method, Settings};
+use crate::settings::{Amount, Gather, LightMode, Settings};
+use crate::stage::map::Sample;
 
 /// What a choice may cost beyond the best one to be a good one.
 const GOOD: f64 = 1.15;
 
+/// Milliseconds beyond which a method is timed once only, and below which twice as often: medians of little need more.
+const LONG: f64 = 1000.0;
+const SHORT: f64 = 30.0;
+
 /// The numbers of a run.
-#[derive(serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Plan {
     sizes: Vec<[u32; 2]>,
     stored: Vec<u32>,
@@ -25,21 +39,67 @@ struct Plan {
     threads: usize,
 }
 
-/// Something that could be chosen, and what it takes.
-struct Rival {
-    estimate: Estimate,
+/// A measured way of gathering; its fields are columns.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Row {
+    class: String,
+    scene: String,
+    size: String,
+    photons: u32,
+    /// As asked for: 0 is the automatic one.
+    radius_m: f64,
+    gather: String,
+    /// Building and gathering, the median of the rounds.
     ms: f64,
+    /// How many times longer than the best of the setting.
+    over_best: f64,
+    rounds: u32,
 }
 
-impl Rival {
-    fn name(&self) -> String {
-        let size = self.estimate.tile.map(|[w, h]| format!(" {w}x{h}")).unwrap_or_default();
-        self.estimate.method.name().to_string() + &size
+/// The fields of [`Row`].
+const COLUMNS: [&str; 9] = ["class", "scene", "size", "photons", "radius_m", "gather", "ms", "over_best", "rounds"];
+
+/// What is asked: a map, a radius, a size.
+#[derive(Clone, Copy)]
+struct Setting<'a> {
+    class: Class,
+    scene: &'a Scene,
+    size: [u32; 2],
+    stored: u32,
+    radius: f32,
+}
+
+impl Setting<'_> {
+    fn size_name(&self) -> String {
+        format!("{}x{}", self.size[0], self.size[1])
+    }
+
+    fn is_of(&self, row: &Row) -> bool {
+        let own = (self.class.name(), self.scene.name.as_str(), self.size_name(), self.stored);
+        own == (row.class.as_str(), row.scene.as_str(), row.size.clone(), row.photons)
+            && Value::from(self.radius).number() == Some(row.radius_m)
+    }
+
+    /// All light by photons: as many as are asked for in open scenes too.
+    fn settings(&self) -> Settings {
+        let [width, height] = self.size;
+        let default = Settings { width, height, light: LightMode::Photons, ..Settings::default() };
+        let mut settings = Settings {
+            gather: Gather { radius: (self.radius > 0.0).then_some(self.radius), ..default.gather },
+            ..default
+        };
+        settings.photons.amount = Amount::Stored(self.stored);
+        settings
     }
 }
 
+fn name(estimate: &Estimate) -> String {
+    let size = estimate.tile.map(|[w, h]| format!(" {w}x{h}")).unwrap_or_default();
+    estimate.method.name().to_string() + &size
+}
+
 /// See [`super::Suite::Choice`].
-pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Measured> {
+pub fn run(options: &Options, machine: &MachineInfo, progress: &mut dyn FnMut(Progress)) -> Result<Measured> {
     let sizes = match options.size {
         Some((width, height)) => vec![[width, height]],
         None if options.quick => vec![[64, 48]],
@@ -49,19 +109,16 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Meas
         sizes,
         stored: options.list(&options.photons, &[12_000, 200_000], &[3000]),
         radii: options.list(&options.radii, &[0.0, 1.0, 0.2], &[0.0]),
-        rounds: options.or(options.repeat, 2, 1),
+        rounds: options.or(options.repeat, 5, 1),
         threads: options.threads,
     };
-    let settings = plan.sizes.len() * plan.stored.len() * plan.radii.len();
-    let mut steps = Steps::new(progress, options.backends.len() * options.scenes.len() * settings);
-    let mut columns =
-        ["class", "scene", "size", "photons", "radius_m", "gather", "ms", "predicted_ms"].map(String::from).to_vec();
-    columns.extend(TERMS.map(String::from));
-    let mut rows = Table::new(columns);
-    let mut verdicts =
-        Table::new(["class", "scene", "size", "photons", "R", "chosen", "ms", "best", "best ms", "chosen/best"]);
-    let mut shares = Table::new(["class", "settings", "within 15%", "worst", "mean", "choosing, ms"]);
-    let mut costs = Table::new(["class", "term", "ns"]);
+    let mut rows: Vec<Row> = match options.directory.as_deref().map(|directory| directory.join("choice.json")) {
+        Some(path) if path.exists() => saved::rows(&path, &plan, machine)?,
+        _ => Vec::new(),
+    };
+    let count = plan.sizes.len() * plan.stored.len() * plan.radii.len();
+    let mut steps = Steps::new(progress, options.backends.len() * options.scenes.len() * count);
+    let mut judged = Judged::new();
     for backend in &options.backends {
         let mut pipeline = match Pipeline::open(&options.machine(Some(*backend)), |line| steps.notice(line)) {
             Ok(pipeline) => pipeline,
@@ -71,120 +128,223 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Meas
             }
         };
         let class = pipeline.class();
-        let [mut ratios, mut choosing] = [Vec::new(), Vec::new()];
-        let mut measured = Vec::new();
-        for (scene, size, stored, radius) in settings_of(options, &plan) {
+        let mut answers = Vec::new();
+        for setting in settings_of(options, &plan, class) {
+            let (scene, size) = (&setting.scene.name, setting.size_name());
             steps.begin(&format!(
-                "{}: {}x{}, {stored} photons, R={radius}, {}",
-                scene.name,
-                size[0],
-                size[1],
+                "{scene}: {size}, {} photons, R={}, {}",
+                setting.stored,
+                setting.radius,
                 class.name()
             ));
-            let (radius, rivals, ms) = compare(&mut pipeline, scene, size, stored, radius, plan.rounds)?;
-            choosing.push(ms);
-            let setting: [Value; 5] = [
-                class.name().into(),
-                scene.name.as_str().into(),
-                format!("{}x{}", size[0], size[1]).as_str().into(),
-                stored.into(),
-                radius.into(),
-            ];
-            for rival in &rivals {
-                let mut row = setting.to_vec();
-                row.extend([rival.name().as_str().into(), rival.ms.into(), rival.estimate.cost.into()]);
-                row.extend(rival.estimate.counts.map(Value::from));
-                rows.push(row);
-                measured.push((rival.estimate.counts, rival.ms));
+            if options.stop.load(std::sync::atomic::Ordering::Relaxed) {
+                break;
             }
-            // The first is the one that would be chosen.
-            let Some((chosen, best)) = rivals.first().zip(rivals.iter().min_by(|a, b| a.ms.total_cmp(&b.ms))) else {
-                continue;
-            };
-            ratios.push(chosen.ms / best.ms);
-            let mut row = setting.to_vec();
-            row.extend([chosen.name().as_str().into(), chosen.ms.into()]);
-            row.extend([best.name().as_str().into(), best.ms.into(), (chosen.ms / best.ms).into()]);
-            verdicts.push(row);
+            let (radius, estimates, choosing) = ask(&setting)?;
+            if !rows.iter().any(|row| setting.is_of(row)) {
+                rows.extend(measure(&mut pipeline, &setting, radius, &estimates, plan.rounds)?);
+                if let Some(directory) = &options.directory {
+                    let (settings, machine) = (saved::settings(&plan)?, machine.clone());
+                    let rows = saved::table(&rows, &COLUMNS)?;
+                    let (summaries, charts) = Default::default();
+                    Report { suite: Suite::Choice, machine, settings, rows, summaries, charts }.write_to(directory)?;
+                }
+            }
+            answers.push((setting, estimates, choosing));
         }
-        let good = ratios.iter().filter(|ratio| **ratio <= GOOD).count() as u64;
-        let worst = ratios.iter().copied().fold(0.0, f64::max);
-        let mean = ratios.iter().sum::<f64>() / ratios.len() as f64;
-        let ms = median(&choosing);
-        shares.push([
-            class.name().into(),
-            (ratios.len() as u64).into(),
-            good.into(),
-            worst.into(),
-            mean.into(),
-            ms.into(),
-        ]);
-        for (term, ns) in TERMS.iter().zip(choice::fit(&measured)) {
-            costs.push([class.name().into(), (*term).into(), ns.into()]);
-        }
+        judged.add(class, &answers, &rows);
     }
     if rows.is_empty() {
         return Err(Error::Driver("none of the backends is there: nothing was measured".into()));
     }
-    let settings = serde_json::to_value(&plan).map_err(|e| Error::Failed(format!("JSON: {e}")))?;
-    Ok(Measured { settings, rows, summaries: vec![verdicts, costs, shares], charts: Vec::new() })
+    let Judged { verdicts, costs, shares } = judged;
+    let rows = saved::table(&rows, &COLUMNS)?;
+    let summaries = vec![verdicts, costs, shares];
+    Ok(Measured { settings: saved::settings(&plan)?, rows, summaries, charts: Vec::new() })
 }
 
-fn settings_of<'a>(options: &'a Options, plan: &'a Plan) -> impl Iterator<Item = (&'a Scene, [u32; 2], u32, f32)> {
+fn settings_of<'a>(options: &'a Options, plan: &'a Plan, class: Class) -> impl Iterator<Item = Setting<'a>> {
     options.scenes.iter().flat_map(move |scene| {
         plan.stored.iter().flat_map(move |stored| {
-            let sizes = move |radius: &f32| {
-                plan.sizes.iter().map(move |size| (scene, *size, *stored, *radius)).collect::<Vec<_>>()
-            };
-            plan.radii.iter().flat_map(sizes)
+            let of = move |(radius, size): (f32, [u32; 2])| Setting { class, scene, size, stored: *stored, radius };
+            plan.radii.iter().flat_map(|radius| plan.sizes.iter().map(|size| (*radius, *size))).map(of)
         })
     })
 }
 
-/// The radius; all that could be chosen, what would be chosen first; the milliseconds that choosing took. All light by photons: as many as are asked for
-/// in open scenes too.
-fn compare(
-    pipeline: &mut Pipeline,
-    scene: &Scene,
-    [width, height]: [u32; 2],
-    stored: u32,
-    radius: f32,
-    rounds: u32,
-) -> Result<(f32, Vec<Rival>, f64)> {
-    let default = Settings { width, height, light: LightMode::Photons, ..Settings::default() };
-    let mut settings =
-        Settings { gather: Gather { radius: (radius > 0.0).then_some(radius), ..default.gather }, ..default };
-    settings.photons.amount = Amount::Stored(stored);
-    // Tiles leave photons as they were stored: from these the choice is made.
-    settings.gather.method = Method::Tiles;
-    let radius = pipeline.render(scene, &settings)?.radius.unwrap_or(radius);
+/// What each setting's model says, and the milliseconds that it took: the radius, and the estimates, the cheapest first.
+fn ask(setting: &Setting) -> Result<(f32, Vec<Estimate>, f64)> {
+    let settings = setting.settings();
+    let features = Features::of(setting.scene, &settings);
+    let packed = Packed::new(setting.scene, setting.scene.camera.position);
+    let tables = SceneTables::new(&packed, &features);
+    let frame = packed.frame(&setting.scene.camera, &settings);
+    // A map's beginning is the same whatever its length.
+    let map = emit(&tables, &packed, setting.stored.min(radius::SAMPLE as u32), true)?;
+    let faces = map.surfaces.iter().map(|surface| face_of(surface) as u32).collect();
+    let sample = Sample { positions: map.positions.clone(), faces };
+    let stored = setting.stored.into();
+    let radius = settings.gather.radius.unwrap_or_else(|| radius::choose(&tables, &frame, &sample, stored));
     let start = Instant::now();
-    let estimates = pipeline.estimates()?;
-    let choosing = start.elapsed().as_secs_f64() * 1e3;
-    let mut rivals = Vec::new();
-    for estimate in estimates {
-        settings.gather.method = estimate.method;
-        settings.gather.tile = estimate.tile;
-        let mut samples = Samples::default();
-        for round in 0..=rounds {
+    let question = Question { stored, radius, tile: None, class: setting.class };
+    let estimates = choice::estimates(&tables, &frame, &sample, &question);
+    Ok((radius, estimates, start.elapsed().as_secs_f64() * 1e3))
+}
+
+/// Times everything that could be chosen, one after the other, round by round.
+fn measure(
+    pipeline: &mut Pipeline,
+    setting: &Setting,
+    radius: f32,
+    estimates: &[Estimate],
+    rounds: u32,
+) -> Result<Vec<Row>> {
+    let mut settings = setting.settings();
+    let mut samples = vec![Samples::default(); estimates.len()];
+    let mut warm_up = vec![0.0f64; estimates.len()];
+    for round in 0..=2 * rounds {
+        for ((estimate, samples), first) in estimates.iter().zip(&mut samples).zip(&mut warm_up) {
+            let wanted = match *first {
+                _ if round == 0 => rounds,
+                first if first.is_nan() => 0,
+                first if first > LONG => 1,
+                first if first < SHORT => 2 * rounds,
+                _ => rounds,
+            };
+            if round > wanted {
+                continue;
+            }
+            settings.gather.method = estimate.method;
+            settings.gather.tile = estimate.tile;
             // Another radius makes another grid and other tiles of the same photons; a thousandth changes nothing else.
             settings.gather.radius = Some(radius * (1.0 + 1e-3 * round as f32));
-            let times = match pipeline.render(scene, &settings) {
+            let times = match pipeline.render(setting.scene, &settings) {
                 Ok(rendering) => rendering.times,
                 // Lists that are too long for floats cannot be chosen, and are not.
-                Err(Error::Usage(_)) => break,
+                Err(Error::Usage(_)) => {
+                    *first = f64::NAN;
+                    continue;
+                }
                 Err(error) => return Err(error),
             };
             let ms = times.grid + times.tiles + times.upload + times.trace;
-            samples.ms.push(ms);
-            if ms > 2000.0 && round > 0 {
-                break;
+            match round {
+                0 => *first = ms,
+                _ => samples.ms.push(ms),
             }
         }
-        // What a quiet machine would show: others' work must not decide what is best.
-        if !samples.ms.is_empty() {
-            rivals.push(Rival { estimate, ms: samples.least() });
+    }
+    let done = || estimates.iter().zip(&samples).filter(|(_, samples)| !samples.ms.is_empty());
+    let best = done().map(|(_, samples)| samples.median()).fold(f64::INFINITY, f64::min);
+    let row = |(estimate, samples): (&Estimate, &Samples)| Row {
+        class: setting.class.name().into(),
+        scene: setting.scene.name.clone(),
+        size: setting.size_name(),
+        photons: setting.stored,
+        radius_m: Value::from(setting.radius).number().unwrap_or_default(),
+        gather: name(estimate),
+        ms: samples.median(),
+        over_best: samples.median() / best,
+        rounds: samples.ms.len() as u32,
+    };
+    Ok(done().map(row).collect())
+}
+
+/// The model held against what was measured.
+struct Judged {
+    verdicts: Table,
+    costs: Table,
+    shares: Table,
+}
+
+impl Judged {
+    fn new() -> Judged {
+        Judged {
+            verdicts: Table::new([
+                "class",
+                "scene",
+                "size",
+                "photons",
+                "R",
+                "chosen",
+                "ms",
+                "best",
+                "best ms",
+                "chosen/best",
+                "fitted",
+            ]),
+            costs: Table::new(["class", "term", "ns", "fitted ns"]),
+            shares: Table::new([
+                "class",
+                "settings",
+                "within 15%",
+                "worst",
+                "mean",
+                "fitted within 15%",
+                "fitted worst",
+                "choosing, ms",
+            ]),
         }
     }
-    Ok((radius, rivals, choosing))
+
+    /// Adds a class: what was asked and answered, and its rows among others'.
+    fn add(&mut self, class: Class, answers: &[(Setting, Vec<Estimate>, f64)], rows: &[Row]) {
+        let of = |setting: &Setting, estimate: &Estimate| {
+            rows.iter().find(|row| setting.is_of(row) && row.gather == name(estimate))
+        };
+        let taken = |(setting, estimates, _): &(Setting, Vec<Estimate>, f64)| {
+            let rows = estimates.iter().filter_map(|estimate| Some((estimate, of(setting, estimate)?)));
+            let taken = |(estimate, row): (&Estimate, &Row)| Taken {
+                counts: estimate.counts,
+                ms: row.ms,
+                over_best: row.over_best,
+            };
+            rows.map(taken).collect::<Vec<_>>()
+        };
+        let fitted = choice::fit_choice(&answers.iter().map(taken).collect::<Vec<_>>());
+        let [mut ratios, mut fitted_ratios] = [Vec::new(), Vec::new()];
+        for (setting, estimates, _) in answers {
+            let done: Vec<(&Estimate, &Row)> =
+                estimates.iter().filter_map(|estimate| Some((estimate, of(setting, estimate)?))).collect();
+            let cost = |(estimate, _): &(&Estimate, &Row)| estimate.cost_at(&fitted);
+            // The first is the one that would be chosen.
+            let Some(((_, chosen), (_, best), (_, other))) = done.first().and_then(|chosen| {
+                let best = done.iter().min_by(|a, b| a.1.ms.total_cmp(&b.1.ms))?;
+                Some((chosen, best, done.iter().min_by(|a, b| cost(a).total_cmp(&cost(b)))?))
+            }) else {
+                continue;
+            };
+            ratios.push(chosen.over_best);
+            fitted_ratios.push(other.over_best);
+            let fitted = format!("{} {}", other.gather, super::table::shown(other.over_best));
+            self.verdicts.push([
+                class.name().into(),
+                setting.scene.name.as_str().into(),
+                setting.size_name().as_str().into(),
+                setting.stored.into(),
+                setting.radius.into(),
+                chosen.gather.as_str().into(),
+                chosen.ms.into(),
+                best.gather.as_str().into(),
+                best.ms.into(),
+                chosen.over_best.into(),
+                Value::from(fitted.as_str()),
+            ]);
+        }
+        let good = |ratios: &[f64]| Value::from(ratios.iter().filter(|ratio| **ratio <= GOOD).count() as u64);
+        let worst = |ratios: &[f64]| Value::from(ratios.iter().copied().fold(0.0, f64::max));
+        self.shares.push([
+            class.name().into(),
+            (ratios.len() as u64).into(),
+            good(&ratios),
+            worst(&ratios),
+            (ratios.iter().sum::<f64>() / ratios.len() as f64).into(),
+            good(&fitted_ratios),
+            worst(&fitted_ratios),
+            median(&answers.iter().map(|(_, _, ms)| *ms).collect::<Vec<_>>()).into(),
+        ]);
+        for ((term, ns), fitted) in TERMS.iter().zip(class.costs()).zip(fitted) {
+            self.costs.push([class.name().into(), (*term).into(), (*ns).into(), fitted.into()]);
+        }
+    }
 }

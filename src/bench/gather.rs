@@ -80,7 +80,7 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Meas
         let tables = SceneTables::new(&packed, &features);
         let frame = packed.frame(&scene.camera, &settings);
         for stored in &plan.stored {
-            let map = emit(&tables, &packed, *stored)?;
+            let map = emit(&tables, &packed, *stored, false)?;
             let count = map.len().min(radius::SAMPLE);
             let faces = map.surfaces[..count].iter().map(|s| cpu::grid::face_of(s) as u32).collect();
             let sample = Sample { positions: map.positions[..count].to_vec(), faces };
@@ -125,10 +125,11 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Meas
     Ok(Measured { settings, rows, summaries: Vec::new(), charts: Vec::new() })
 }
 
-fn emit(scene: &SceneTables, packed: &Packed, stored: u32) -> Result<PhotonTables> {
+/// A map of so many photons, with those that come straight from lights or without.
+pub fn emit(scene: &SceneTables, packed: &Packed, stored: u32, store_direct: bool) -> Result<PhotonTables> {
     let amount = Amount::Stored(stored);
-    let emission = Emission { amount, seed: 0, pass: 0, sampler: Sampler::default(), store_direct: false };
-    photons(scene, &emission::Plan::indirect(packed)?, &emission)
+    let emission = Emission { amount, seed: 0, pass: 0, sampler: Sampler::default(), store_direct };
+    photons(scene, &emission::Plan::of(packed, store_direct)?, &emission)
 }
 
 /// Points of a coarse raster of pixels ask a grid for their photons.

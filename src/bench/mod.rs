@@ -85,7 +85,7 @@ impl Suite {
             Suite::Gather => gather::run(options, progress)?,
             Suite::Report => report::run(options, &machine, progress)?,
             Suite::Error => error::run(options, &machine, progress)?,
-            Suite::Choice => choice::run(options, progress)?,
+            Suite::Choice => choice::run(options, &machine, progress)?,
         };
         machine.finish();
         let Measured { settings, rows, summaries, charts } = measured;

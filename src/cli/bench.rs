@@ -80,7 +80,7 @@ enum SuiteArg {
     Report,
     /// Error against a reference by run time, by technique and setting; with -o, rows measured before are kept
     Error,
-    /// The automatic choice between grid, tiles and tiled grid against what each takes
+    /// The automatic choice between grid, tiles and tiled grid against what each takes; with -o, rows are kept
     Choice,
 }
 
@@ -117,7 +117,11 @@ pub fn run(args: &Args) -> Result<()> {
         peers: args.peers.clone(),
         quick: args.quick,
         directory: args.output.clone(),
-        stop: if matches!(suite, Suite::Report | Suite::Error) { stop_on_interrupt("row") } else { Arc::default() },
+        stop: if matches!(suite, Suite::Report | Suite::Error | Suite::Choice) {
+            stop_on_interrupt("row")
+        } else {
+            Arc::default()
+        },
     };
     // What cannot be written should be known before minutes are spent.
     if let Some(csv) = &args.csv {

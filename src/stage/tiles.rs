@@ -112,8 +112,8 @@ pub struct TileStage {
     /// Slots of a strip: grows with the scene.
     slots: usize,
     counts: Buffer<u32>,
-    /// Where each photon's disc is on the screen (`SPAN_WORDS`).
-    spans: Buffer<[u32; 3]>,
+    /// Where each photon's disc is on the screen, and which of the tiles there it enters.
+    spans: Buffer<[u32; 4]>,
     pair_photons: Buffer<u32>,
     tiles: Tiles,
 }

@@ -7,6 +7,7 @@ mod pictures;
 mod queries;
 mod tables;
 mod tile_timings;
+mod tile_views;
 mod tiles;
 mod timings;
 

@@ -66,7 +66,10 @@ fn every_two_choices_of_gathering_compile_in_opencl() {
         // One lane's vocabulary differs in the shim alone, which the kernels of other tests compile as well.
         let lanes = gathering.lanes(if number % 4 == 0 { 1 } else { context.device.lanes });
         let features = photile::features::Features { glossy: number % 3 == 0, ..features() };
-        let options = Options { lanes, defines: gathering.defines(), ..Options::default() };
+        let mut defines = gathering.defines();
+        // As on a GPU, wherever that compiles.
+        defines.extend(gathering.is_grouped(lanes, true).then(Gathering::group_defines).into_iter().flatten());
+        let options = Options { lanes, defines, ..Options::default() };
         let kernel = context.kernel(&assemble("trace.cl", Some(&features), &options), "trace");
         kernel.unwrap_or_else(|error| panic!("{gathering:?}: {error}"));
     }

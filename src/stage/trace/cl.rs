@@ -36,6 +36,8 @@ pub struct ClTrace {
 struct Compiled {
     permutation: Permutation,
     lanes: u32,
+    /// Bytes of the queue in which a work-group's photons wait (`group.cl`).
+    queue: Option<usize>,
     kernel: Kernel,
     /// Traces slices, and adds them up: built when a picture has to be cut within its pixels.
     sliced: Option<[Kernel; 2]>,
@@ -101,7 +103,12 @@ impl Trace for ClTrace {
         }
         let device_lanes = self.context.device.lanes;
         let lanes = permutation.gathering.map_or(device_lanes, |gathering| gathering.lanes(device_lanes));
-        let options = Options { lanes, defines: permutation.defines(), ..Options::default() };
+        let is_gpu = self.context.device.is_gpu;
+        let grouped = permutation.gathering.is_some_and(|gathering| gathering.is_grouped(lanes, is_gpu));
+        let mut defines = permutation.defines();
+        defines.extend(grouped.then(Gathering::group_defines).into_iter().flatten());
+        let queue = grouped.then(|| Gathering::queue_bytes(permutation.features.glossy));
+        let options = Options { lanes, defines, ..Options::default() };
         let kernel = self.context.kernel(&assemble("trace.cl", Some(&permutation.features), &options), "trace")?;
         let sites = match permutation.final_gather {
             Some(true) => {
@@ -111,7 +118,7 @@ impl Trace for ClTrace {
             }
             _ => None,
         };
-        self.active = Some(Compiled { permutation: *permutation, lanes, kernel, sliced: None, sites });
+        self.active = Some(Compiled { permutation: *permutation, lanes, queue, kernel, sliced: None, sites });
         Ok(())
     }
 
@@ -206,6 +213,7 @@ impl Trace for ClTrace {
             context.launch_paced(kernel, &args, &blocks, Some(&local))
         };
         let Some([sliced, add]) = active.sliced.as_ref().filter(|_| !draws.is_whole(frame)) else {
+            args.extend(active.queue.map(Arg::Local)); // slices are gathered alone
             return trace(&active.kernel, args, frame, film);
         };
         if gather.is_some() {
