@@ -225,7 +225,8 @@ impl Ranged for LogAxis {
 
 impl ValueFormatter<f64> for LogAxis {
     fn format(value: &f64) -> String {
-        if (1e-4..1e6).contains(value) { format!("{}", (value * 1e6).round() / 1e6) } else { format!("{value:.0e}") } // ticks are 1, 2, 5 times a power of ten
+        // Ticks are 1, 2 or 5 times a power of ten.
+        if (1e-4..1e6).contains(value) { format!("{}", (value * 1e6).round() / 1e6) } else { format!("{value:.0e}") }
     }
 }
 
