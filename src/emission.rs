@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 
 use crate::error::{Error, Result};
-use crate::layout::{Emitter, Object, PLANE};
+use crate::layout::{Emitter, Light, Object, PLANE};
 use crate::pack::Packed;
 pub use crate::settings::{Amount, Sampler};
 
@@ -260,18 +260,32 @@ fn worth(packed: &Packed, light: DVec3, cell: u32) -> f64 {
     let normal = if hit.kind == PLANE { anchor } else { (point - anchor).normalize() };
     let normal = if normal.dot(axis) > 0.0 { -normal } else { normal };
     let albedo = f64::from(hit.color.iter().copied().fold(0.0, f32::max) * hit.diffuse);
-    // Directions of density cos/π, on a spiral (Vogel 1979): the normal plus points of the unit sphere.
+    // Directions of density cos/π: the normal plus points of the unit sphere.
     let goes_on = (0..DIRECTIONS).filter(|i| {
-        let height = 1.0 - (2.0 * f64::from(*i) + 1.0) / f64::from(DIRECTIONS);
-        let (sine, cosine) = (f64::from(*i) * 2.399_963).sin_cos();
-        let radius = (1.0 - height * height).sqrt();
-        let direction = normal + DVec3::new(radius * cosine, height, radius * sine);
+        let direction = normal + on_sphere(*i, DIRECTIONS);
         nearest(packed, point, direction.normalize_or(normal), Some(object)).is_some()
     });
     let diffuse = albedo * goes_on.count() as f64 / f64::from(DIRECTIONS);
     let mirrored = axis - normal * (2.0 * axis.dot(normal));
     let glossy = f64::from(hit.specular);
     diffuse + if glossy > 0.0 && nearest(packed, point, mirrored, Some(object)).is_some() { glossy } else { 0.0 }
+}
+
+/// Point `i` of `count` on the unit sphere, on a spiral (Vogel 1979).
+fn on_sphere(i: u32, count: u32) -> DVec3 {
+    let height = 1.0 - (2.0 * f64::from(i) + 1.0) / f64::from(count);
+    let (sine, cosine) = (f64::from(i) * 2.399_963).sin_cos();
+    let radius = (1.0 - height * height).sqrt();
+    DVec3::new(radius * cosine, height, radius * sine)
+}
+
+/// Whether light of every lamp meets something in each of many directions. A guess, but a quick one.
+pub fn is_closed(packed: &Packed) -> bool {
+    const LOOKED_AT: u32 = 256;
+    let meets = |light: &Light, i: u32| {
+        nearest(packed, DVec3::from(light.position.map(f64::from)), on_sphere(i, LOOKED_AT), None).is_some()
+    };
+    packed.lights.iter().all(|light| (0..LOOKED_AT).all(|i| meets(light, i)))
 }
 
 /// Directions that a surface's light is followed in.

@@ -1,6 +1,6 @@
 //! Which technique makes radiance of a pass's photons, and with which settings, where the user leaves it open.
 
-use crate::emission::{Amount, Plan};
+use crate::emission::{Amount, is_closed};
 use crate::error::{Error, Result};
 use crate::features::Features;
 use crate::pack::Packed;
@@ -107,7 +107,7 @@ impl Usual {
     pub fn of(scene: &Scene, settings: &Settings, on_gpu: bool) -> Usual {
         let gather = FinalGather::default();
         let rays = |rays, own_rays, points| FinalGather { rays, own_rays, points, ..gather };
-        let (gather, paths, samples) = match (is_closed(scene), on_gpu) {
+        let (gather, paths, samples) = match (is_closed(&Packed::new(scene, scene.camera.position)), on_gpu) {
             (true, false) => (gather, 65_536, 2),
             (false, false) => (rays(16, 8, 16), 16_384, 2),
             (true, true) => (rays(256, 32, 256), 524_288, 4),
@@ -120,8 +120,34 @@ impl Usual {
     }
 }
 
-/// Whether all light of every lamp meets something.
-fn is_closed(scene: &Scene) -> bool {
-    let packed = Packed::new(scene, scene.camera.position);
-    Plan::new(&packed).is_ok_and(|plan| plan.cells.is_empty())
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn passes_suit_scene_size_and_device() {
+        let load = |name: &str| crate::scene::load(std::path::Path::new(&format!("scenes/{name}.toml"))).expect("ours");
+        let size = |width, height| Settings { width, height, ..Settings::default() };
+        let (room, open) = (load("gi_ref"), load("sphere_and_plane"));
+        let usual = Usual::of(&room, &size(320, 240), false);
+        assert_eq!((usual.gather, usual.paths), (FinalGather::default(), 65_536));
+        // Where light leaves the scene there is less to gather; a GPU does more in a pass.
+        assert!(Usual::of(&open, &size(320, 240), false).paths < usual.paths);
+        assert!(Usual::of(&room, &size(320, 240), true).paths > usual.paths);
+        assert_eq!(Usual::of(&room, &size(640, 480), false).paths, 4 * usual.paths);
+        assert_eq!(Usual::of(&room, &size(1, 1), false).paths, 4096);
+        assert_eq!(Usual::of(&room, &size(65_000, 65_000), true).paths, 2_097_152);
+
+        // What is asked for stays.
+        let wish = Wish { rays: Some(3), photons: true, ..Wish::default() };
+        let mut settings = size(320, 240);
+        let asked = settings.photons.amount;
+        wish.settle(&room, &mut settings).expect("no contradiction");
+        let Technique::FinalGather(gather) = settings.technique else { panic!("{:?}", settings.technique) };
+        assert_eq!((gather.rays, settings.photons.amount, settings.samples), (3, asked, usual.samples));
+        assert!(
+            Wish { kind: Some(Kind::Map), ..wish }.settle(&room, &mut settings).is_err(),
+            "rays belong to the other"
+        );
+    }
 }
