@@ -70,8 +70,7 @@ fn every_key_does_what_the_help_says() {
     let first = window.converged();
     // What shows at once in the picture, and goes again.
     for key in ["F1", "Tab", "o", "l"] {
-        window.key(key);
-        window.changed_from(&first);
+        window.key_that_changes(key, &first);
         let presses = match key {
             "o" => 3,
             "l" => 2,

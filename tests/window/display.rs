@@ -165,6 +165,21 @@ impl<'a> Window<'a> {
         self.until("change in the picture", |w| (share_changed(before, &w.pixels()) > 0.02).then_some(()));
     }
 
+    /// Presses a key that changes what is there. On a busy machine the server may deliver a press before the window has
+    /// the focus: where nothing comes of it for long, once more.
+    #[track_caller]
+    pub fn key_that_changes(&mut self, key: &str, before: &[[u8; 3]]) {
+        self.key(key);
+        let start = Instant::now();
+        while share_changed(before, &self.pixels()) <= 0.02 && start.elapsed() < PATIENCE / 3 {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        if share_changed(before, &self.pixels()) <= 0.02 {
+            self.key(key);
+        }
+        self.changed_from(before);
+    }
+
     pub fn key(&self, key: &str) {
         self.display.xdotool(&["key", key]);
     }
