@@ -243,12 +243,12 @@ __kernel void tiles_count(__global const float *frame, __global const float *gat
     counts[item] = sum;
 }
 
-// The pairs themselves; places are the scanned counts.
+// The pairs themselves; places are the scanned counts. Where regions have no cells (`celled` = 0) each of them is one.
 __kernel void tiles_fill(__global const float *regions, __global const float *photon_positions,
                          __global const float *photon_faces, int tiles_down, __global const int *slots,
                          __global const uint *starts, __global const uint *columns, __global const float *boxes,
                          int count, int per_item, __global const uint *places, __global const uint *entered,
-                         __global uint *keys, __global uint *photons) {
+                         int celled, __global uint *keys, __global uint *photons) {
     int item = get_global_id(0);
     int end = min((item + 1) * per_item, count);
     uint place = places[item];
@@ -265,6 +265,11 @@ __kernel void tiles_fill(__global const float *regions, __global const float *ph
             int r = many ? next_region(&walk, p, tiles_down, starts, columns, boxes) : (int)own.x;
             if (r < 0) break;
             own = (uint4)(own.yzw, NO_REGION);
+            photons[place] = i;
+            if (!celled) {
+                keys[place++] = r;
+                continue;
+            }
             float flipped = region_flipped_scalar(r);
             float3 inverse = grid_axes(region_inverse_cell_scalar(r), flipped);
             float3 counts = region_counts_scalar(r);
@@ -272,9 +277,7 @@ __kernel void tiles_fill(__global const float *regions, __global const float *ph
             int u = clamp(cell_along(q.x, inverse.x), 0, count_of(counts.x) - 1);
             int v = clamp(cell_along(q.y, inverse.y), 0, count_of(counts.y) - 1);
             int w = clamp(cell_along(q.z, inverse.z), 0, count_of(counts.z) - 1);
-            keys[place] = row_start(count_of(region_base_scalar(r)), v, w, counts) + u;
-            photons[place] = i;
-            place++;
+            keys[place++] = row_start(count_of(region_base_scalar(r)), v, w, counts) + u;
         }
     }
 }

@@ -314,9 +314,10 @@ impl TileStage {
         fit(context, &mut self.pair_photons, pairs)?;
         fit(context, &mut tiles.tile_photons, pairs.next_multiple_of(TEXEL))?;
         self.sort.reserve(context, &mut self.scratch, pairs)?;
-        let places: [Arg; 4] = [
+        let places: [Arg; 5] = [
             (&self.counts).into(),
             (&self.entered).into(),
+            i32::from(plan.cells > plan.regions.len()).into(),
             (&self.scratch.keys[0]).into(),
             (&self.pair_photons).into(),
         ];
