@@ -39,7 +39,7 @@ __kernel void grid_keys(__global const float *photon_positions, __global const f
     for (int i = first; i < end; i++) {
         int face = (int)photon_face(i);
         float flipped = face_flipped_scalar(face);
-        float3 inverse = grid_axes(gather_inverse_cell_scalar(), flipped);
+        float3 inverse = cell_axes(gather_inverse_cell_scalar(), flipped, gather_by_rows());
         float3 p = grid_axes(photon_position_scalar(i), flipped) - face_origin_scalar(face);
         int u = cell_along(p.x, inverse.x), v = cell_along(p.y, inverse.y), w = cell_along(p.z, inverse.z);
 #ifdef GRID_HASHED
@@ -98,7 +98,7 @@ __kernel void grid_rows(__global const uint *order, __global const float *photon
     for (int i = first; i < end; i++) {
         int face = (int)photon_face(order[i]);
         float flipped = face_flipped_scalar(face);
-        float3 inverse = grid_axes(gather_inverse_cell_scalar(), flipped);
+        float3 inverse = cell_axes(gather_inverse_cell_scalar(), flipped, gather_by_rows());
         float3 p = grid_axes(photon_position_scalar(i), flipped) - face_origin_scalar(face);
         vstore3((float3)(face, cell_along(p.y, inverse.y), cell_along(p.z, inverse.z)), i, photon_cells);
     }

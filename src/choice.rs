@@ -209,9 +209,12 @@ pub fn estimates(scene: &SceneTables, frame: &Frame, sample: &Sample, question: 
         faces[*face as usize].push(Vec3::from(position.position));
     }
     let grid = grid(scene, sample, question);
-    let [cell, hashed, cells] = grid.map_or([radius / CELLS_PER_RADIUS, 0.0, 0.0], |grid| {
-        [grid.gather.cell[0], f32::from(u8::from(grid.hashed)), grid.cells as f32]
+    // Cells along rows and across them.
+    let usual = radius / CELLS_PER_RADIUS;
+    let [along, cell, hashed, cells] = grid.map_or([usual, usual, 0.0, 0.0], |grid| {
+        [grid.gather.cell[0], grid.gather.cell[1], f32::from(u8::from(grid.hashed)), grid.cells as f32]
     });
+    let beyond = 0.5 * BEYOND * (along + cell);
     let [mut accepted, mut rows, mut candidates] = [0.0; 3];
     // By size of tiles: entries of lists, those in the cells around points, rows of these cells, and cells of a tile.
     let mut tiled = vec![[0.0; 4]; sizes.len()];
@@ -238,7 +241,7 @@ pub fn estimates(scene: &SceneTables, frame: &Frame, sample: &Sample, question: 
         };
         rows += rows_of(cell);
         let mut reaches = [[0.0; 2]; MOST_SIZES];
-        let mut farthest = reach + BEYOND * cell;
+        let mut farthest = reach + beyond;
         for ((size, tiled), reaches) in sizes.iter().zip(&mut tiled).zip(&mut reaches) {
             let [across, down] = image(size.map(|pixels| pixels as f32));
             // A large tile's cells are larger than a grid's: it has only so many, and towards a horizon sees far.
@@ -251,7 +254,7 @@ pub fn estimates(scene: &SceneTables, frame: &Frame, sample: &Sample, question: 
             *reaches = [list, list.min(reach + BEYOND * own_cell)];
             farthest = farthest.max(list);
         }
-        let (near, in_cells) = (radius * radius, (reach + BEYOND * cell).powi(2));
+        let (near, in_cells) = (radius * radius, (reach + beyond).powi(2));
         let reaches = reaches.map(|reaches| reaches.map(|reach| reach * reach));
         let farthest = farthest * farthest;
         for photon in &faces[face] {

@@ -226,7 +226,7 @@ record! {
         inverse_radius: f32,
         /// Photons in the map.
         photon_count: f32,
-        /// A cell's size along x, y, z; metres.
+        /// A cell's size along x, y, z (but see `by_rows`); metres.
         cell: [f32; 3],
         /// 1 / `cell`, rounded once, here: build and query must divide alike.
         inverse_cell: [f32; 3],
@@ -244,8 +244,8 @@ record! {
         tile_width: f32,
         /// Pixels.
         tile_height: f32,
-        /// Zero.
-        reserved: f32,
+        /// 1 where `cell` is a size along u, v, w of every face, whichever axes those are; 0 where along x, y, z.
+        by_rows: f32,
         /// Zero.
         spare: f32,
     }

@@ -11,8 +11,14 @@
 // u, v, w are x, y, z, except on planes across x: those have only one or two cells along x, so y takes its place.
 Float3 grid_axes(Float3 p, float flipped) { return flipped != 0.0f ? triple(p.y, p.x, p.z) : p; }
 
-// Floats count to 2²⁴ exactly; the stage makes cells so large that no photon comes near this.
+// A cell's size, or its inverse, along u, v, w.
+Float3 cell_axes(Float3 size, float flipped, float by_rows) { return by_rows != 0.0f ? size : grid_axes(size, flipped); }
+
+// Floats count to 2²⁴ exactly. What lies farther out shares the last cells: photons and queries alike.
 #define MAX_CELL 8000000.0f
+
+// Whether a cell is one of those, which have no end.
+bool is_endless(int cell) { return abs(cell) >= 8000000; }
 
 // A point's distance from the face's first cell, in cells along one axis, rounded down. By truncation: floor() is a
 // library call on PoCL and took most of the time that keys took.

@@ -127,6 +127,7 @@ Gathered add_photon(SCENE_PARAMS Gathered sum, int i, Real weight, Vec3 position
 #define AREA_CELL(i) region_cell_scalar(i)
 #define AREA_INVERSE_CELL(i) region_inverse_cell_scalar(i)
 #define AREA_OBJECT(i) (count_of(region_face_scalar(i)) / 2)
+#define AREA_BY_ROWS 0.0f
 #else
 #define AREA_FLIPPED(i) face_flipped_scalar(i)
 #define AREA_ORIGIN(i) face_origin_scalar(i)
@@ -135,6 +136,7 @@ Gathered add_photon(SCENE_PARAMS Gathered sum, int i, Real weight, Vec3 position
 #define AREA_CELL(i) gather_cell_scalar()
 #define AREA_INVERSE_CELL(i) gather_inverse_cell_scalar()
 #define AREA_OBJECT(i) ((i) / 2)
+#define AREA_BY_ROWS gather_by_rows()
 #endif
 
 #ifdef GATHER_GROUP
@@ -163,8 +165,8 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
 #endif
     float flipped = AREA_FLIPPED(face);
     Float3 origin = AREA_ORIGIN(face);
-    Float3 cell = grid_axes(AREA_CELL(face), flipped);
-    Float3 inverse = grid_axes(AREA_INVERSE_CELL(face), flipped);
+    Float3 cell = cell_axes(AREA_CELL(face), flipped, AREA_BY_ROWS);
+    Float3 inverse = cell_axes(AREA_INVERSE_CELL(face), flipped, AREA_BY_ROWS);
     // Wider than the radius by more than coordinates round, so that the distance alone decides.
     float size = fabs(low.x) + fabs(low.y) + fabs(low.z) + fabs(high.x) + fabs(high.y) + fabs(high.z);
     float reach = gather_radius() * 1.0005f + 5e-7f * (size + fabs(origin.x) + fabs(origin.y) + fabs(origin.z));
@@ -191,10 +193,8 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
     float extent = object_extent_scalar(object) - (is_sphere ? 0.0f : dot(anchor, origin));
     if (is_sphere) anchor = anchor - origin;
     float slack = reach - gather_radius();
-#ifdef GRID_HASHED
-    bool has_empty_rows = true;
-#else
-    bool has_empty_rows = counts.y > 1.0f && counts.z > 1.0f;
+#ifndef GRID_HASHED
+    bool may_be_empty = counts.y > 1.0f && counts.z > 1.0f;
 #endif
     Real inverse_radius2 = lanes(gather_inverse_radius() * gather_inverse_radius());
 #ifdef GATHER_KNN
@@ -208,15 +208,22 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
     for (int w = w_first; w <= w_last; w++) {
         float w_low = float_of(w) * cell.z;
         float w_gap = max(max(w_low - high.z, low.z - (w_low + cell.z)), 0.0f);
+#ifdef GRID_HASHED
+        if (is_endless(w)) w_gap = 0.0f;
+#endif
         float w_left = reach * reach - w_gap * w_gap;
         for (int v = v_first; v <= v_last; v++) {
             // Along the row only what the ball's chord reaches.
             float v_low = float_of(v) * cell.y;
             float v_gap = max(max(v_low - high.y, low.y - (v_low + cell.y)), 0.0f);
+#ifdef GRID_HASHED
+            bool may_be_empty = !is_endless(v) && !is_endless(w);
+            if (is_endless(v)) v_gap = 0.0f;
+#endif
             float chord = sqrt(max(w_left - v_gap * v_gap, 0.0f));
             Float3 row_low = triple(low.x - chord, v_low, w_low) - slack;
             Float3 row_high = triple(high.x + chord, v_low + cell.y, w_low + cell.z) + slack;
-            if (has_empty_rows && !passes_through(is_sphere, anchor, extent, row_low, row_high)) continue;
+            if (may_be_empty && !passes_through(is_sphere, anchor, extent, row_low, row_high)) continue;
             int u_first = cell_along(low.x - chord, inverse.x);
             int u_last = cell_along(high.x + chord, inverse.x);
 #ifdef GRID_HASHED

@@ -23,15 +23,21 @@ use crate::settings::{Amount, Method, Sampler, Settings};
 use crate::stage::map::Sample;
 use crate::tiling;
 
-/// Cells along a radius: one, and what the backends take.
-const CELLS: [f32; 4] = [1.0, CELLS_PER_RADIUS, CELLS_PER_RADIUS_ALONE, 4.0];
+/// Cells along a radius, the same along rows as across them; and what backends take whose queries walk together or alone.
+const CELLS: [CellSize; 6] = [
+    CellSize::PerRadius(1.0),
+    CellSize::PerRadius(CELLS_PER_RADIUS),
+    CellSize::PerRadius(CELLS_PER_RADIUS_ALONE),
+    CellSize::PerRadius(4.0),
+    CellSize::Auto,
+    CellSize::Alone,
+];
 
 /// The numbers of a run.
 #[derive(serde::Serialize)]
 struct Plan {
     stored: Vec<u32>,
     radii: Vec<f32>,
-    cells_per_radius: [f32; 4],
     /// Tiles of these sizes, pixels.
     tiles: [[u32; 2]; 3],
     size: [u32; 2],
@@ -53,7 +59,6 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Meas
     let plan = Plan {
         stored: options.list(&options.photons, &[200_000], &[5_000]),
         radii: options.list(&options.radii, &[0.1, 0.2, 1.0], &[0.2]),
-        cells_per_radius: CELLS,
         tiles: choice::SIZES,
         size: [width, height],
         stride: if options.quick { 2 } else { 4 },
@@ -66,6 +71,7 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Meas
         "is_auto",
         "method",
         "cells_per_radius",
+        "cells_along_rows",
         "form",
         "tile",
         "entries_per_photon",
@@ -87,7 +93,7 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Meas
             let chosen = radius::choose(&tables, &frame, &sample, map.len() as u64);
             for (is_auto, radius) in [(true, chosen)].into_iter().chain(plan.radii.iter().map(|r| (false, *r))) {
                 steps.begin(&format!("{}: {stored} photons, R={radius:.3}", scene.name));
-                let mut add = |method: Method, place: [Value; 4], found: Found| {
+                let mut add = |method: Method, place: [Value; 5], found: Found| {
                     let mean = |sum: u64| sum as f64 / found.queries as f64;
                     let mut row = vec![scene.name.as_str().into(), (*stored).into(), radius.into(), is_auto.into()];
                     row.push(method.name().into());
@@ -96,13 +102,13 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Meas
                     row.push((found.candidates as f64 / found.accepted as f64).into());
                     rows.push(row);
                 };
-                for cells_per_radius in CELLS {
-                    let size = CellSize::PerRadius(cells_per_radius);
+                for size in CELLS {
                     let bounds = cpu::grid::grid_bounds(&map.view(), 2 * packed.objects.len());
                     let laid_out = cells::plan(&packed.objects, &bounds, map.len(), radius, size, Form::Auto)?;
                     let found = ask(scene, &tables, &frame, &map, &laid_out, plan.stride);
                     let form = if laid_out.hashed { "hashed" } else { "dense" };
-                    add(Method::Grid, [cells_per_radius.into(), form.into(), Value::Missing, 1.0.into()], found);
+                    let [along, across, _] = laid_out.gather.cell.map(|cell| Value::from(radius / cell));
+                    add(Method::Grid, [across, along, form.into(), Value::Missing, 1.0.into()], found);
                 }
                 for (method, tile) in
                     [Method::Tiles, Method::TiledGrid].into_iter().flat_map(|m| plan.tiles.map(|tile| (m, tile)))
@@ -115,7 +121,7 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Meas
                     let cells = (method == Method::TiledGrid).then_some(CELLS_PER_RADIUS);
                     let entries = lists.tile_photons.len() as f64 / map.len() as f64;
                     let size = format!("{}x{}", tile[0], tile[1]);
-                    let place = [cells.into(), "dense".into(), size.as_str().into(), entries.into()];
+                    let place = [cells.into(), cells.into(), "dense".into(), size.as_str().into(), entries.into()];
                     add(method, place, found);
                 }
             }

@@ -6,7 +6,9 @@ use glam::Vec3;
 
 use super::bsdf::ggx;
 use super::density::{kernel_peak, kernel_shape, visible_part};
-use super::grid::{GridTables, PhotonTables, cell_along, dense_row, face_of, grid_axes, hashed_row};
+use super::grid::{
+    GridTables, PhotonTables, cell_along, cell_axes, dense_row, face_of, grid_axes, hashed_row, is_endless,
+};
 use super::scene::{SceneTables, Surface};
 use super::tiles::{TileTables, find_region, scatters};
 use crate::cells::Plan;
@@ -52,7 +54,7 @@ pub fn for_each_candidate(map: &PhotonMap, face: usize, point: Vec3, mut visit: 
     let Gather { radius, cell, inverse_cell, bucket_mask, .. } = map.plan.gather;
     let record = &map.plan.faces[face];
     let origin = record.origin;
-    let (cell, inverse) = (grid_axes(cell, record.flipped), grid_axes(inverse_cell, record.flipped));
+    let [cell, inverse] = [cell, inverse_cell].map(|size| cell_axes(size, record.flipped, &map.plan.gather));
     let size = 2.0 * point.abs().element_sum();
     let reach = radius * 1.0005 + 5e-7 * (size + Vec3::from(origin).abs().element_sum());
     let at = grid_axes(point.to_array(), record.flipped);
@@ -63,6 +65,9 @@ pub fn for_each_candidate(map: &PhotonMap, face: usize, point: Vec3, mut visit: 
         if map.plan.hashed { first..=last } else { first.max(0)..=last.min(record.counts[axis] as i32 - 1) }
     };
     let gap = |number: i32, axis: usize| {
+        if map.plan.hashed && is_endless(number) {
+            return 0.0;
+        }
         let low = number as f32 * cell[axis];
         (low - at[axis]).max(at[axis] - (low + cell[axis])).max(0.0)
     };

@@ -54,9 +54,22 @@ pub fn grid_axes(p: [f32; 3], flipped: f32) -> [f32; 3] {
     if flipped != 0.0 { [p[1], p[0], p[2]] } else { p }
 }
 
+/// A cell's size, or its inverse, along u, v, w.
+pub fn cell_axes(size: [f32; 3], flipped: f32, gather: &Gather) -> [f32; 3] {
+    if gather.by_rows != 0.0 { size } else { grid_axes(size, flipped) }
+}
+
+/// Floats count to 2²⁴ exactly. What lies farther out shares the last cells: photons and queries alike.
+const MAX_CELL: i32 = 8_000_000;
+
 /// Number of the cell at a distance from the face's first one, along one axis.
 pub fn cell_along(distance: f32, inverse_cell: f32) -> i32 {
-    (distance * inverse_cell).floor().clamp(-8_000_000.0, 8_000_000.0) as i32
+    (distance * inverse_cell).floor().clamp(-MAX_CELL as f32, MAX_CELL as f32) as i32
+}
+
+/// Whether a cell is one of the last, which have no end.
+pub fn is_endless(cell: i32) -> bool {
+    cell.abs() >= MAX_CELL
 }
 
 /// Where in the hashed table a row has its cell u = 0, before wrapping.
@@ -76,7 +89,7 @@ pub fn dense_row(face: &Face, v: i32, w: i32) -> i32 {
 
 /// Cell numbers along u, v, w of a photon on a face.
 fn cells_of(position: &PhotonPosition, face: &Face, gather: &Gather) -> [i32; 3] {
-    let inverse = grid_axes(gather.inverse_cell, face.flipped);
+    let inverse = cell_axes(gather.inverse_cell, face.flipped, gather);
     let p = grid_axes(position.position, face.flipped);
     [0, 1, 2].map(|axis| cell_along(p[axis] - face.origin[axis], inverse[axis]))
 }

@@ -91,7 +91,7 @@ impl Grid {
     pub fn most_candidates(&self) -> Option<u64> {
         let across = cells_within(&self.plan.gather);
         let cells = match self.plan.hashed {
-            true => across * across * 2, // a face is seldom more than two cells thick
+            true => across[0] * across[1] * 2, // a face is seldom more than two cells thick
             false => self.plan.faces.iter().map(|face| touched(face.counts, across)).max().unwrap_or(0),
         };
         Some((self.fullest? * cells).min(self.count as u64))

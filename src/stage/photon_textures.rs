@@ -220,7 +220,7 @@ fn most_candidates(plan: &Plan, cell_starts: &[f32], photons: u64) -> u64 {
         |cells: std::ops::Range<usize>| cells.map(|c| (cell_starts[c + 1] - cell_starts[c]) as u64).max().unwrap_or(0);
     if plan.hashed {
         // Rows may share buckets, and a face is seldom more than two cells thick.
-        return (fullest(0..plan.cells) * across * across * 2).min(photons);
+        return (fullest(0..plan.cells) * across[0] * across[1] * 2).min(photons);
     }
     let of_face = |face: &Face| {
         let [u, v, w] = face.counts.map(|count| count as u64);

@@ -180,7 +180,7 @@ fn occupied(faces: &[Face], gather: &Gather, starts: &[f32]) -> Vec<Cell> {
             let mut low = DVec3::ZERO;
             let mut size = DVec3::ZERO;
             for k in 0..3 {
-                let cell = f64::from(gather.cell[axes[k]]);
+                let cell = f64::from(if gather.by_rows != 0.0 { gather.cell[k] } else { gather.cell[axes[k]] });
                 low[axes[k]] = f64::from(face.origin[k]) + at[k] as f64 * cell;
                 size[axes[k]] = cell;
             }

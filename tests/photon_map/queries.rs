@@ -87,6 +87,32 @@ fn a_map_far_from_the_origin_and_photons_on_borders_are_found() {
 }
 
 #[test]
+fn photons_beyond_the_last_cell_number_are_found_by_their_neighbours() {
+    let (mut map, mut random) = (room_photons(500, 5), Random::new(6));
+    // Cells of 0.25 m have numbers up to two million metres out. A few photons stay near enough to each other there,
+    // where floats are 0.25 m apart.
+    for i in 0..400 {
+        let far =
+            |random: &mut Random| [-2.6e6, -1.9e6, 0.0, 1.9e6, 2.6e6][random.below(5)] + random.below(8) as f32 * 0.25;
+        let position = [far(&mut random), -2.0, far(&mut random)];
+        map.push(position, 4, if i % 7 == 0 { -1.0 } else { 1.0 }, &mut random);
+    }
+    let plan = map.plan(&room(), 0.5, CellSize::Auto, Form::Auto);
+    assert!(plan.hashed && plan.gather.cell == [0.25; 3]);
+    let tables = grid(&map.tables(), &plan);
+    let gathering = Gathering { hashed: true, ..Gathering::default() };
+    let seen = PhotonMap { gathering: &gathering, plan: &plan, stored: map.tables(), grid: &tables, tiles: None };
+    let mut found = 0;
+    for photon in 500..map.len() {
+        let (face, point) = (face_of(&map.surfaces[photon]), Vec3::from(map.positions[photon].position));
+        let expected = truth(&map, face, point, 0.5);
+        assert_eq!(answer(&seen, &tables, face, point), expected, "around {point}");
+        found += expected.len();
+    }
+    assert!(found > 800, "only {found}: hardly more than themselves");
+}
+
+#[test]
 fn a_lost_photon_would_be_noticed() {
     let map = room_photons(300, 1);
     let plan = map.plan(&room(), 0.7, CellSize::Auto, Form::Dense);

@@ -87,7 +87,7 @@ impl ClTrace {
                     None if method.reads_stored() => Some(grid.count as u64),
                     None => grid.most_candidates(),
                 };
-                known.map(|candidates| Query { method, across: draws::cells_across(plan), candidates })
+                known.map(|candidates| Query { method, across: draws::cells_across(plan)[1], candidates })
             }
             _ => None,
         };

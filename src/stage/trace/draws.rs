@@ -125,24 +125,28 @@ fn rays(frame: &Frame) -> f64 {
     f64::from((frame.sphere_count + frame.plane_count) * (2.0 + frame.light_count))
 }
 
-/// Cells along an axis that a query's ball can touch.
-pub fn cells_across(gather: &Gather) -> u64 {
-    let smallest = gather.cell.into_iter().fold(f32::INFINITY, f32::min);
-    if smallest <= 0.0 {
-        return 8; // tiles have cells of their own, of R/2 or larger
-    }
-    2 * (1.001 * gather.radius / smallest).ceil().min(1e6) as u64 + 2
+/// Cells that a query's ball can touch along a row of them, and along an axis across rows.
+pub fn cells_across(gather: &Gather) -> [u64; 2] {
+    // Tiles have cells of their own, of R/2 or larger.
+    along_and_across(gather, 8, |radii| 2 * (1.001 * radii).ceil().min(1e6) as u64 + 2)
 }
 
 /// The same as a guess that is seldom exceeded, and never by much.
-pub fn cells_within(gather: &Gather) -> u64 {
-    let smallest = gather.cell.into_iter().fold(f32::INFINITY, f32::min);
-    if smallest > 0.0 { (2.0 * gather.radius / smallest).ceil().min(1e6) as u64 + 1 } else { 5 }
+pub fn cells_within(gather: &Gather) -> [u64; 2] {
+    along_and_across(gather, 5, |radii| (2.0 * radii).ceil().min(1e6) as u64 + 1)
+}
+
+/// What a count makes of the radius in cells, along rows and across them; `tiles` where the grid has no cells.
+fn along_and_across(gather: &Gather, tiles: u64, count: impl Fn(f32) -> u64) -> [u64; 2] {
+    let [u, v, w] = gather.cell;
+    let cells = if gather.by_rows != 0.0 { [u, v.min(w)] } else { [u.min(v).min(w); 2] };
+    cells.map(|cell| if cell > 0.0 { count(gather.radius / cell) } else { tiles })
 }
 
 /// Cells of a face or region, of so many along its axes, that a query touches at most.
-pub fn touched(counts: [f32; 3], across: u64) -> u64 {
-    counts.map(|count| (count as u64).min(across)).iter().product()
+pub fn touched(counts: [f32; 3], [along, across]: [u64; 2]) -> u64 {
+    let [u, v, w] = counts.map(|count| count as u64);
+    u.min(along) * v.min(across) * w.min(across)
 }
 
 #[cfg(test)]

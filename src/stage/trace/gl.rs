@@ -113,7 +113,7 @@ impl GlTrace {
         let query = match (indirect, self.active.and_then(|active| active.gathering)) {
             (Indirect::Map(_), Some(gathering)) => Some(Query {
                 method: gathering.method,
-                across: draws::cells_across(self.photons.gather()),
+                across: draws::cells_across(self.photons.gather())[1],
                 candidates: self.photons.most_candidates,
             }),
             _ => None,
