@@ -84,11 +84,11 @@ impl Class {
     }
 
     /// How large the grid's cells are made for it.
-    fn cell_size(self) -> CellSize {
+    pub fn cell_size(self) -> CellSize {
         match self {
-            Class::OpenGlSoftware | Class::OpenGlGpu => CellSize::Alone,
-            Class::OpenClGpu => CellSize::Alone,
-            _ => CellSize::Auto,
+            Class::OpenGlSoftware => CellSize::Fragments,
+            Class::OpenGlGpu | Class::OpenClGpu => CellSize::Alone,
+            Class::Cpu | Class::OpenClLanes => CellSize::Auto,
         }
     }
 }

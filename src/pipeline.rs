@@ -333,7 +333,7 @@ impl Pipeline {
                 // Tiles take photons as they were stored.
                 if !chosen.method.is_tiled() {
                     chosen.hashed = self.map.sort(
-                        &grid_wanted(settings, chosen.radius, self.gathers_alone(), packed.origin),
+                        &grid_wanted(settings, chosen.radius, self.class().cell_size(), packed.origin),
                         chosen.method,
                     )?;
                 }
@@ -515,11 +515,6 @@ impl Pipeline {
         Ok(Chosen { method: best.method, tile: best.tile.unwrap_or(asked.tile), ..asked })
     }
 
-    /// Whether every query walks through the grid on its own: fragments, and work-items of one lane.
-    fn gathers_alone(&self) -> bool {
-        self.backend == Backend::OpenGl || self.backend == Backend::OpenCl && self.devices.lanes == Some(1)
-    }
-
     /// Bytes held on the device.
     pub fn bytes(&self) -> usize {
         self.tracer.bytes() + self.map.bytes() + self.irradiance.bytes()
@@ -579,15 +574,14 @@ fn indirect<'a>(
 /// Bytes of OpenCL's buffers beyond which they are given back as soon as OpenGL has a copy: of half a million photons.
 const TWO_COPIES: usize = 32_000_000;
 
-/// The grid that these settings ask for; `alone`: for queries that walk one by one.
-fn grid_wanted(settings: &Settings, radius: f32, alone: bool, origin: DVec3) -> Wanted {
+/// The grid that these settings ask for, with cells of a `usual` size where they ask for none.
+fn grid_wanted(settings: &Settings, radius: f32, usual: CellSize, origin: DVec3) -> Wanted {
     let size = match (settings.gather.lattice, settings.gather.cells) {
         (Some(Lattice { corner, cell }), _) => {
             CellSize::Lattice { corner: (DVec3::from(corner) - origin).as_vec3().to_array(), cell }
         }
         (None, Some(counts)) => CellSize::Counts(counts),
-        (None, None) if alone => CellSize::Alone,
-        (None, None) => CellSize::Auto,
+        (None, None) => usual,
     };
     Wanted { radius, size, form: Form::Auto, nearest: settings.gather.nearest }
 }
