@@ -14,6 +14,7 @@
 pub mod history;
 pub mod keys;
 pub mod ladder;
+pub mod level;
 pub mod markers;
 pub mod orbit;
 pub mod percentiles;
