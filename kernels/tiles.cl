@@ -131,15 +131,16 @@ INLINE Int last_tile(Real high, float size, int tiles) {
 #define TO_ARRAY(v, array) CONCAT(vstore, LANES)(v, 0, array)
 #endif
 
-// A rectangle of tiles in four words: left | top << 16, columns | lines << 16, and which of its tiles, row by row, a
-// photon enters: all of them where there are more than two words have bits.
-#define SPAN_BITS 64
+// What a photon enters, in four words: the numbers of up to four regions, NO_REGION after the last one; or MANY, and the
+// rectangle of tiles to go through once more, left | top << 16 and right | bottom << 16.
+#define NO_REGION 0xffffffffu
+#define MANY 0xfffffffeu
 
-// The first photon's and its neighbours' rectangles of tiles, a lane each: left, top, columns, lines; no column where
-// a disc meets no ray. Photons from `end` on are the last one once more.
+// The first photon's and its neighbours' rectangles of tiles, a lane each: left, top, right, bottom, all of them inside;
+// right before left where a disc meets no ray. Photons from `end` on are the last one once more.
 INLINE void spans_of(int first, int end, __global const float *frame, __global const float *gather,
-                     __global const float *photon_positions, int tiles_down, int *left, int *top, int *columns,
-                     int *lines) {
+                     __global const float *photon_positions, int tiles_down, int *left, int *top, int *right_end,
+                     int *bottom) {
     Int photon = min(lanes_i(first) + to_int_of(LANE_NUMBER), lanes_i(end - 1));
     Vec3 p = photon_position(photon);
     float3 eye = frame_position_scalar(), right = frame_right_scalar(), up = frame_up_scalar();
@@ -158,104 +159,125 @@ INLINE void spans_of(int first, int end, __global const float *frame, __global c
     Int x_last = last_tile((across.high / half_width + 1.0f) * pixels, gather_tile_width(), tiles_across);
     Int y_first = first_tile((1.0f - upward.high / half_height) * rows, gather_tile_height(), tiles_down);
     Int y_last = last_tile((1.0f - upward.low / half_height) * rows, gather_tile_height(), tiles_down);
-    Bool seen = depth + reach > 0.0f && x_last >= x_first && y_last >= y_first;
     TO_ARRAY(x_first, left);
     TO_ARRAY(y_first, top);
-    TO_ARRAY(pick_i(seen, x_last - x_first + 1, 0), columns);
-    TO_ARRAY(pick_i(seen, y_last - y_first + 1, 0), lines);
+    TO_ARRAY(pick_i(depth + reach > 0.0f, x_last, -1), right_end);
+    TO_ARRAY(y_last, bottom);
 }
 
-// The region of a tile that a photon's disc can touch, −1 where there is none: a tile has one region a face at most.
-INLINE int region_of(int tile, float face, float3 p, __global const float *tiles, __global const float *regions) {
-    int first = count_of(tile_first_scalar(tile)), end = first + count_of(tile_count_scalar(tile));
-    for (int r = first; r < end; r++) {
-        if (region_face_scalar(r) != face) continue;
-        float3 low = region_low_scalar(r), high = region_high_scalar(r);
-        float3 gap = max(max(low - p, p - high), (float3)(0.0f));
-        return dot_plain(gap, gap) > region_margin2_scalar(r) ? -1 : r;
+// A walk through the regions of one face in a rectangle of tiles, row by row (tiling/lines.rs): `slot` is the face's among
+// those that are seen, `at` and `end` are entries of the row.
+struct Walk {
+    int slot, left, right, row, bottom, at, end;
+};
+
+// Goes to the walk's row: the first entry there whose column is not left of the rectangle.
+INLINE void enter_row(struct Walk *walk, int tiles_down, __global const uint *starts, __global const uint *columns) {
+    int line = walk->slot * tiles_down + walk->row;
+    int low = (int)starts[line], high = (int)starts[line + 1];
+    walk->end = high;
+    while (low < high) {
+        int middle = (low + high) / 2;
+        if ((int)columns[middle] < walk->left)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    walk->at = low;
+}
+
+INLINE struct Walk walk_of(int slot, int left, int top, int right, int bottom, int tiles_down,
+                           __global const uint *starts, __global const uint *columns) {
+    struct Walk walk = {slot, left, right, top, bottom, 0, 0};
+    if (slot < 0 || right < left) walk.bottom = -1;
+    if (walk.row <= walk.bottom) enter_row(&walk, tiles_down, starts, columns);
+    return walk;
+}
+
+// The next region that a photon's disc can touch, −1 after the last one.
+INLINE int next_region(struct Walk *walk, float3 p, int tiles_down, __global const uint *starts,
+                       __global const uint *columns, __global const float *boxes) {
+    while (walk->row <= walk->bottom) {
+        while (walk->at < walk->end && (int)columns[walk->at] <= walk->right) {
+            float8 box = vload8(walk->at++, boxes);
+            float3 gap = max(max(box.s012 - p, p - box.s456), (float3)(0.0f));
+            if (dot_plain(gap, gap) <= box.s3) return (int)box.s7;
+        }
+        if (++walk->row <= walk->bottom) enter_row(walk, tiles_down, starts, columns);
     }
     return -1;
 }
 
-// counts[work-item]: pairs of a run of neighbouring photons; spans[photon]: where they are.
-__kernel void tiles_count(__global const float *frame, __global const float *gather, __global const float *tiles,
-                          __global const float *regions, __global const float *photon_positions,
-                          __global const float *photon_faces, int tiles_down, __global uint *counts, int count,
-                          int per_item, __global uint *spans) {
+// counts[work-item]: pairs of a run of neighbouring photons; entered[photon]: what each of them enters.
+__kernel void tiles_count(__global const float *frame, __global const float *gather,
+                          __global const float *photon_positions, __global const float *photon_faces, int tiles_down,
+                          __global const int *slots, __global const uint *starts, __global const uint *columns,
+                          __global const float *boxes, int count, int per_item, __global uint *counts,
+                          __global uint *entered) {
     int item = get_global_id(0);
     int end = min((item + 1) * per_item, count);
-    int tiles_across = count_of(gather_tiles_across());
-    uint entered = 0u;
-    int left[LANES], top[LANES], columns[LANES], lines[LANES];
+    uint sum = 0u;
+    int left[LANES], top[LANES], right[LANES], bottom[LANES];
     for (int block = item * per_item; block < end; block += LANES) {
-        spans_of(block, end, frame, gather, photon_positions, tiles_down, left, top, columns, lines);
+        spans_of(block, end, frame, gather, photon_positions, tiles_down, left, top, right, bottom);
         for (int lane = 0; lane < min(LANES, end - block); lane++) {
-            int i = block + lane, width = columns[lane], size = width * lines[lane];
-            uint own = 0u, mask = 0u, second = 0u;
-            if (size > 0) {
-                float3 p = photon_position_scalar(i);
-                float face = photon_face(i);
-                int tile = top[lane] * tiles_across + left[lane];
-                for (int t = 0, column = 0; t < size; t++) {
-                    if (region_of(tile, face, p, tiles, regions) >= 0) {
-                        own++;
-                        mask |= t < 32 ? 1u << t : 0u;
-                        second |= t >= 32 && t < SPAN_BITS ? 1u << (t - 32) : 0u;
-                    }
-                    tile++;
-                    if (++column == width) {
-                        column = 0;
-                        tile += tiles_across - width;
-                    }
-                }
+            int i = block + lane;
+            float3 p = photon_position_scalar(i);
+            struct Walk walk = walk_of(slots[(int)photon_face(i)], left[lane], top[lane], right[lane], bottom[lane],
+                                       tiles_down, starts, columns);
+            uint4 own = (uint4)(NO_REGION);
+            uint found = 0u;
+            for (int r; (r = next_region(&walk, p, tiles_down, starts, columns, boxes)) >= 0; found++) {
+                if (found == 0u) own.x = r;
+                if (found == 1u) own.y = r;
+                if (found == 2u) own.z = r;
+                if (found == 3u) own.w = r;
             }
-            if (size > SPAN_BITS) mask = second = ~0u;
+            if (found > 4u)
+                own = (uint4)(MANY, left[lane] | (top[lane] << 16), right[lane] | (bottom[lane] << 16), 0u);
             // Saturated: the host refuses what is far too many.
-            entered = add_sat(entered, own);
-            uint first = left[lane] | (top[lane] << 16), extent = own ? width | (lines[lane] << 16) : 0;
-            vstore4((uint4)(first, extent, mask, second), i, spans);
+            sum = add_sat(sum, found);
+            vstore4(own, i, entered);
         }
     }
-    counts[item] = entered;
+    counts[item] = sum;
 }
 
-// The pairs themselves; places are the scanned counts.
-__kernel void tiles_fill(__global const float *frame, __global const float *gather, __global const float *tiles,
-                         __global const float *regions, __global const float *photon_positions,
-                         __global const float *photon_faces, int tiles_down, __global const uint *places,
-                         int count, int per_item, __global const uint *spans, __global uint *keys,
-                         __global uint *photons) {
+// The pairs themselves; places are the scanned counts. Where regions have no cells (`celled` = 0) each of them is one.
+__kernel void tiles_fill(__global const float *regions, __global const float *photon_positions,
+                         __global const float *photon_faces, int tiles_down, __global const int *slots,
+                         __global const uint *starts, __global const uint *columns, __global const float *boxes,
+                         int count, int per_item, __global const uint *places, __global const uint *entered,
+                         int celled, __global uint *keys, __global uint *photons) {
     int item = get_global_id(0);
     int end = min((item + 1) * per_item, count);
-    int tiles_across = count_of(gather_tiles_across());
     uint place = places[item];
     for (int i = item * per_item; i < end; i++) {
-        uint4 span = vload4(i, spans);
-        int width = span.y & 0xffffu, size = width * (int)(span.y >> 16);
-        if (size == 0) continue;
+        uint4 own = vload4(i, entered);
+        if (own.x == NO_REGION) continue;
         float3 p = photon_position_scalar(i);
-        float face = photon_face(i);
-        int tile = (int)(span.x >> 16) * tiles_across + (int)(span.x & 0xffffu);
-        for (int t = 0, column = 0; t < size; t++) {
-            uint entered = t < 32 ? span.z >> t : span.w >> (t - 32);
-            int r = t >= SPAN_BITS || (entered & 1u) ? region_of(tile, face, p, tiles, regions) : -1;
-            if (r >= 0) {
-                float flipped = region_flipped_scalar(r);
-                float3 inverse = grid_axes(region_inverse_cell_scalar(r), flipped);
-                float3 counts = region_counts_scalar(r);
-                float3 q = grid_axes(p, flipped) - region_origin_scalar(r);
-                int u = clamp(cell_along(q.x, inverse.x), 0, count_of(counts.x) - 1);
-                int v = clamp(cell_along(q.y, inverse.y), 0, count_of(counts.y) - 1);
-                int w = clamp(cell_along(q.z, inverse.z), 0, count_of(counts.z) - 1);
-                keys[place] = row_start(count_of(region_base_scalar(r)), v, w, counts) + u;
-                photons[place] = i;
-                place++;
+        bool many = own.x == MANY;
+        struct Walk walk = {-1, 0, 0, 0, -1, 0, 0};
+        if (many)
+            walk = walk_of(slots[(int)photon_face(i)], own.y & 0xffffu, own.y >> 16, own.z & 0xffffu, own.z >> 16,
+                           tiles_down, starts, columns);
+        while (true) {
+            int r = many ? next_region(&walk, p, tiles_down, starts, columns, boxes) : (int)own.x;
+            if (r < 0) break;
+            own = (uint4)(own.yzw, NO_REGION);
+            photons[place] = i;
+            if (!celled) {
+                keys[place++] = r;
+                continue;
             }
-            tile++;
-            if (++column == width) {
-                column = 0;
-                tile += tiles_across - width;
-            }
+            float flipped = region_flipped_scalar(r);
+            float3 inverse = grid_axes(region_inverse_cell_scalar(r), flipped);
+            float3 counts = region_counts_scalar(r);
+            float3 q = grid_axes(p, flipped) - region_origin_scalar(r);
+            int u = clamp(cell_along(q.x, inverse.x), 0, count_of(counts.x) - 1);
+            int v = clamp(cell_along(q.y, inverse.y), 0, count_of(counts.y) - 1);
+            int w = clamp(cell_along(q.z, inverse.z), 0, count_of(counts.z) - 1);
+            keys[place++] = row_start(count_of(region_base_scalar(r)), v, w, counts) + u;
         }
     }
 }

@@ -1,6 +1,10 @@
 //! Lays out the tiles: from the boxes of what each tile sees to its regions and their cells. The device and its twin
 //! both start from this plan; `tile.glsl` says what tiles and regions are.
 
+mod lines;
+
+pub use lines::Lines;
+
 use crate::cells::{Bounds, CELLS_PER_RADIUS, flipped};
 use crate::error::{Error, Result};
 use crate::layout::{Frame, Gather, MAX_EXACT_INDEX, Object, Region, Tile};
@@ -43,6 +47,8 @@ pub struct Plan {
     pub regions: Vec<Region>,
     /// Cells of all regions.
     pub cells: usize,
+    /// The regions once more, as photons look for them.
+    pub lines: Lines,
 }
 
 /// Tiles across and down an image.
@@ -122,7 +128,8 @@ pub fn plan(objects: &[Object], frame: &Frame, mut seen: Vec<Seen>, photons: usi
         tile_height: wanted.tile[1] as f32,
         ..Gather::default()
     };
-    Ok(Plan { size, gather, tiles, regions, cells })
+    let lines = Lines::of(&tiles, &regions, size, 2 * objects.len());
+    Ok(Plan { size, gather, tiles, regions, cells, lines })
 }
 
 /// Cells of one region at most.

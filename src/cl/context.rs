@@ -250,6 +250,11 @@ impl Context {
             }
             None => {
                 launch.set_global_work_sizes(global);
+                if let ([items], false) = (global, self.device.is_gpu) {
+                    if let Some(size) = group_size(*items, self.device.compute_units as usize) {
+                        launch.set_local_work_size(size);
+                    }
+                }
             }
         }
         if !offset.is_empty() {
@@ -295,4 +300,27 @@ fn read_time((event, pace, units): &(Event, Rc<Pace>, usize)) -> bool {
 fn milliseconds(event: &Event) -> Option<f64> {
     let time = event.profiling_command_end().and_then(|end| Ok(end - event.profiling_command_start()?));
     time.ok().filter(|ns| *ns > 0).map(|ns| ns as f64 / 1e6)
+}
+/// The work-group size that gives every core of a CPU something to do, where the driver's own choice might not: PoCL
+/// puts up to 4096 work-items into one group, which is one thread's, however long each of them takes. A power of two,
+/// since drivers compile a kernel once more for each size.
+fn group_size(items: usize, cores: usize) -> Option<usize> {
+    let most = (items / (4 * cores.max(1))).clamp(1, 256);
+    let fits = |power: &u32| items % (1 << power) == 0 && 1 << power <= most;
+    (items <= 4096 * cores.max(1)).then(|| 1 << (0..=8).rev().find(fits).unwrap_or(0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::group_size;
+
+    #[test]
+    fn every_core_has_groups_to_run() {
+        assert_eq!(group_size(8, 2), Some(1));
+        assert_eq!(group_size(192, 2), Some(16));
+        assert_eq!(group_size(4096, 2), Some(256));
+        assert_eq!(group_size(4099, 2), Some(1), "a prime has no other");
+        assert_eq!(group_size(1, 64), Some(1));
+        assert_eq!(group_size(1 << 20, 2), None, "the driver's own");
+    }
 }

@@ -110,10 +110,15 @@ pub struct TileStage {
     seen: Buffer<Slot>,
     seen_counts: Buffer<u32>,
     /// Slots of a strip: grows with the scene.
-    slots: usize,
+    seen_slots: usize,
     counts: Buffer<u32>,
-    /// Where each photon's disc is on the screen, and which of the tiles there it enters.
-    spans: Buffer<[u32; 4]>,
+    /// [`Plan::lines`].
+    slots: Buffer<i32>,
+    starts_of_lines: Buffer<u32>,
+    columns: Buffer<u32>,
+    boxes: Buffer<[f32; 8]>,
+    /// What each photon enters.
+    entered: Buffer<[u32; 4]>,
     pair_photons: Buffer<u32>,
     tiles: Tiles,
 }
@@ -144,9 +149,13 @@ impl TileStage {
             frame: Buffer::new(context, 1)?,
             seen: Buffer::new(context, 0)?,
             seen_counts: Buffer::new(context, 0)?,
-            slots: 8,
+            seen_slots: 8,
             counts: Buffer::new(context, 0)?,
-            spans: Buffer::new(context, 0)?,
+            slots: Buffer::new(context, 0)?,
+            starts_of_lines: Buffer::new(context, 0)?,
+            columns: Buffer::new(context, 0)?,
+            boxes: Buffer::new(context, 0)?,
+            entered: Buffer::new(context, 0)?,
             pair_photons: Buffer::new(context, 0)?,
             tiles: Tiles::empty(context)?,
         })
@@ -189,7 +198,7 @@ impl TileStage {
         let samples = frame.samples.max(1.0) as usize;
         loop {
             // No strip sees more faces than it has rays.
-            let slots = self.slots.min(strip[0] as usize * strip[1] as usize * samples);
+            let slots = self.seen_slots.min(strip[0] as usize * strip[1] as usize * samples);
             fit(context, &mut self.seen, work_items * slots)?;
             let args = [
                 (&self.frame).into(),
@@ -210,7 +219,7 @@ impl TileStage {
             let mut counts = vec![0; work_items];
             self.seen_counts.read(context, &mut counts)?;
             if counts.iter().any(|used| *used as usize > slots) {
-                self.slots *= 4;
+                self.seen_slots *= 4;
                 continue;
             }
             let mut boxes = vec![Slot::default(); work_items * slots];
@@ -265,21 +274,33 @@ impl TileStage {
         tiles.regions.write(context, &plan.regions)?;
         tiles.gather.write(context, &[plan.gather])?;
 
+        let lines = &plan.lines;
+        fit(context, &mut self.slots, lines.slots.len())?;
+        fit(context, &mut self.starts_of_lines, lines.starts.len())?;
+        fit(context, &mut self.columns, lines.columns.len())?;
+        fit(context, &mut self.boxes, lines.boxes.len())?;
+        self.slots.write(context, &lines.slots)?;
+        self.starts_of_lines.write(context, &lines.starts)?;
+        self.columns.write(context, &lines.columns)?;
+        self.boxes.write(context, &lines.boxes)?;
+
         // How many regions each run of photons enters, and in all.
         let (items, per_item) = share(context, photons.count);
         fit(context, &mut self.counts, items)?;
-        fit(context, &mut self.spans, photons.count)?;
-        let common: [Arg; 7] = [
-            (&self.frame).into(),
-            (&tiles.gather).into(),
-            (&tiles.tiles).into(),
-            (&tiles.regions).into(),
+        fit(context, &mut self.entered, photons.count)?;
+        let common: [Arg; 9] = [
             photons.positions.into(),
             photons.faces.into(),
             (plan.size[1] as i32).into(),
+            (&self.slots).into(),
+            (&self.starts_of_lines).into(),
+            (&self.columns).into(),
+            (&self.boxes).into(),
+            (photons.count as i32).into(),
+            (per_item as i32).into(),
         ];
-        let run: [Arg; 2] = [(photons.count as i32).into(), (per_item as i32).into()];
-        let args = [&common[..], &[(&self.counts).into(), run[0], run[1], (&self.spans).into()]].concat();
+        let view: [Arg; 2] = [(&self.frame).into(), (&tiles.gather).into()];
+        let args = [&view[..], &common, &[(&self.counts).into(), (&self.entered).into()]].concat();
         context.launch(&self.count, &args, &[items], None)?;
         let mut counts = vec![0u32; items];
         self.counts.read(context, &mut counts)?;
@@ -293,10 +314,15 @@ impl TileStage {
         fit(context, &mut self.pair_photons, pairs)?;
         fit(context, &mut tiles.tile_photons, pairs.next_multiple_of(TEXEL))?;
         self.sort.reserve(context, &mut self.scratch, pairs)?;
-        let spans = (&self.spans).into();
-        let places: [Arg; 6] =
-            [(&self.counts).into(), run[0], run[1], spans, (&self.scratch.keys[0]).into(), (&self.pair_photons).into()];
-        context.launch(&self.fill, &[&common[..], &places].concat(), &[items], None)?;
+        let places: [Arg; 5] = [
+            (&self.counts).into(),
+            (&self.entered).into(),
+            i32::from(plan.cells > plan.regions.len()).into(),
+            (&self.scratch.keys[0]).into(),
+            (&self.pair_photons).into(),
+        ];
+        let args = [&[(&tiles.regions).into()], &common[..], &places].concat();
+        context.launch(&self.fill, &args, &[items], None)?;
         let sorted = self.sort.sort(context, &self.scratch, pairs, plan.cells)?;
         let (items, per_item) = share(context, pairs);
         let tail: [Arg; 2] = [(pairs as i32).into(), (per_item as i32).into()];
@@ -328,7 +354,11 @@ impl TileStage {
             + self.seen.bytes()
             + self.seen_counts.bytes()
             + self.counts.bytes()
-            + self.spans.bytes()
+            + self.slots.bytes()
+            + self.starts_of_lines.bytes()
+            + self.columns.bytes()
+            + self.boxes.bytes()
+            + self.entered.bytes()
             + self.pair_photons.bytes()
     }
 }
