@@ -118,6 +118,8 @@ impl Open {
         let held = turn.take();
         let present = Present::new(&windowed.current.gl)?;
         let egui = EguiGlow::new(events, windowed.functions(), None, None, false);
+        // Nothing is painted anew without a reason, so what fades in would stay half faded.
+        egui.egui_ctx.all_styles_mut(|style| style.animation_time = 0.0);
         drop(held);
         let proxy = proxy.clone();
         let terms = Terms {
