@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use super::level::{COARSE, FEWER, HALF, Level};
+use super::typical::{JUDGED, Typical};
 
 /// Milliseconds that a frame may take on a GPU, and in software.
 const BUDGETS: [f64; 2] = [33.0, 100.0];
@@ -39,8 +40,6 @@ const SNUG: f64 = 0.9;
 const PATIENCE: u32 = 4;
 /// A step up makes frames dearer by so much at most: what the next rungs cost is a guess.
 const GROWTH: f64 = 4.0;
-/// Frames by which one is judged. The middle of three: one that stands out is the machine's own doing.
-const JUDGED: usize = 3;
 /// What takes so many times what it may is believed at once.
 const FAR: f64 = 2.0;
 /// Photons may take this share of the budget, where they are made anew for every frame.
@@ -59,35 +58,6 @@ pub struct Cost {
     pub photons: f64,
     /// Tracing and gathering, and all else that grows with pixels.
     pub pixels: f64,
-}
-
-/// What is typical of the last costs of a kind, ms.
-#[derive(Clone, Debug, Default)]
-struct Typical {
-    last: Vec<f64>,
-    /// The first of them is beyond doubt.
-    is_far: bool,
-}
-
-impl Typical {
-    /// One more; beyond `far` it counts alone.
-    fn add(&mut self, cost: f64, far: f64) {
-        if cost > far {
-            *self = Typical { last: Vec::new(), is_far: true };
-        } else if self.last.len() == JUDGED {
-            self.last.remove(0);
-            self.is_far = false;
-        }
-        self.last.push(cost);
-    }
-
-    /// The middle one, or the lower one of two. One alone tells nothing yet, unless it is far off.
-    fn get(&self) -> Option<f64> {
-        let mut sorted = self.last.clone();
-        sorted.sort_by(f64::total_cmp);
-        let middle = sorted.len().saturating_sub(1) / 2;
-        sorted.get(middle).copied().filter(|_| sorted.len() > 1 || self.is_far)
-    }
 }
 
 /// Steps down as soon as it must, and up with patience.
@@ -233,7 +203,7 @@ impl Ladder {
     fn photons(&mut self, took: f64) -> bool {
         let share = self.budget * PHOTON_SHARE;
         if let Some((from, before)) = self.fewer_from
-            && self.made.last.len() == JUDGED
+            && self.made.count() == JUDGED
         {
             self.fewer_from = None;
             if took > before * FIXED {

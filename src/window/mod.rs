@@ -40,6 +40,7 @@ mod state;
 mod summary;
 mod thread;
 mod turn;
+mod typical;
 mod worker;
 
 pub use app::run;
