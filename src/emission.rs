@@ -1,11 +1,17 @@
 //! How the lights share a number of paths, and in which directions they can hit anything at all.
 
+use std::sync::LazyLock;
+
 use glam::{DVec3, Vec3};
 
 use crate::error::{Error, Result};
 use crate::layout::{Emitter, Light, Object, PLANE};
 use crate::pack::Packed;
 pub use crate::settings::{Amount, Sampler};
+
+mod caps;
+
+use caps::{Cap, caps, cones};
 
 /// What one pass emits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,7 +68,7 @@ impl Plan {
     /// # Errors
     /// [`Error::Usage`] for more lights than slots can name.
     pub fn new(packed: &Packed) -> Result<Plan> {
-        Plan::with_cells(packed, |light, cell| can_hit(packed, light, cell))
+        Plan::with_cells(packed, |light| caps(packed, light))
     }
 
     /// The plan that suits what is stored.
@@ -113,10 +119,10 @@ impl Plan {
     /// # Errors
     /// As [`Plan::new`].
     pub fn whole_sphere(packed: &Packed) -> Result<Plan> {
-        Plan::with_cells(packed, |_, _| true)
+        Plan::with_cells(packed, |_| None)
     }
 
-    fn with_cells(packed: &Packed, kept: impl Fn(DVec3, u32) -> bool) -> Result<Plan> {
+    fn with_cells(packed: &Packed, caps: impl Fn(DVec3) -> Option<Vec<Cap>>) -> Result<Plan> {
         let lights = packed.lights.len();
         // Four slots a light at least, so that a share is off by an eighth at most; the power of a path makes up for it.
         let slots_log2 = (4 * lights).next_power_of_two().trailing_zeros().max(12);
@@ -129,7 +135,12 @@ impl Plan {
         for light in &packed.lights {
             let first = plan.cells.len();
             let position = DVec3::from(light.position.map(f64::from));
-            plan.cells.extend((0..CELLS as u32).filter(|cell| kept(position, *cell)).map(|cell| entry(cell, 1, 0)));
+            let caps = caps(position);
+            let kept = |cell: &u32| {
+                let cone = &cones()[*cell as usize];
+                caps.as_ref().is_none_or(|caps| caps.iter().any(|cap| cap.meets(cone)))
+            };
+            plan.cells.extend((0..CELLS as u32).filter(kept).map(|cell| entry(cell, 1, 0)));
             let kept = plan.cells.len() - first;
             plan.counts.push([0, first as u32, kept as u32]);
             let flux = DVec3::from(light.intensity.map(f64::from)) * (4.0 * std::f64::consts::PI);
@@ -253,7 +264,7 @@ const PARTS: f64 = 4.0;
 /// Of the light that leaves through a cell, how much meets another surface after the first one: from the cell's axis,
 /// for diffuse and mirrored directions alike.
 fn worth(packed: &Packed, light: DVec3, cell: u32) -> f64 {
-    let (axis, _) = bounding_cone(cell);
+    let axis = cones()[cell as usize].axis;
     let Some((object, point)) = nearest(packed, light, axis, None) else { return 0.0 };
     let hit = &packed.objects[object];
     let anchor = DVec3::from(hit.anchor.map(f64::from));
@@ -261,14 +272,15 @@ fn worth(packed: &Packed, light: DVec3, cell: u32) -> f64 {
     let normal = if normal.dot(axis) > 0.0 { -normal } else { normal };
     let albedo = f64::from(hit.color.iter().copied().fold(0.0, f32::max) * hit.diffuse);
     // Directions of density cos/π: the normal plus points of the unit sphere.
-    let goes_on = (0..DIRECTIONS).filter(|i| {
-        let direction = normal + on_sphere(*i, DIRECTIONS);
-        nearest(packed, point, direction.normalize_or(normal), Some(object)).is_some()
+    let directions = directions(packed.objects.len());
+    let goes_on = directions.iter().filter(|on_sphere| {
+        let direction = normal + **on_sphere;
+        meets(packed, point, direction.normalize_or(normal), Some(object))
     });
-    let diffuse = albedo * goes_on.count() as f64 / f64::from(DIRECTIONS);
+    let diffuse = albedo * goes_on.count() as f64 / directions.len() as f64;
     let mirrored = axis - normal * (2.0 * axis.dot(normal));
     let glossy = f64::from(hit.specular);
-    diffuse + if glossy > 0.0 && nearest(packed, point, mirrored, Some(object)).is_some() { glossy } else { 0.0 }
+    diffuse + if glossy > 0.0 && meets(packed, point, mirrored, Some(object)) { glossy } else { 0.0 }
 }
 
 /// Point `i` of `count` on the unit sphere, on a spiral (Vogel 1979).
@@ -283,72 +295,75 @@ fn on_sphere(i: u32, count: u32) -> DVec3 {
 pub fn is_closed(packed: &Packed) -> bool {
     const LOOKED_AT: u32 = 256;
     let meets = |light: &Light, i: u32| {
-        nearest(packed, DVec3::from(light.position.map(f64::from)), on_sphere(i, LOOKED_AT), None).is_some()
+        meets(packed, DVec3::from(light.position.map(f64::from)), on_sphere(i, LOOKED_AT), None)
     };
     packed.lights.iter().all(|light| (0..LOOKED_AT).all(|i| meets(light, i)))
 }
 
 /// Directions that a surface's light is followed in.
 const DIRECTIONS: u32 = 64;
+/// Objects from which on directions become fewer: a lamp that moves waits for all of them.
+const MANY: u32 = 64;
+
+fn directions(objects: usize) -> &'static [DVec3] {
+    static POINTS: LazyLock<Vec<Vec<DVec3>>> = LazyLock::new(|| {
+        let points = |count| (0..count).map(|i| on_sphere(i, count)).collect();
+        (0..=DIRECTIONS).map(points).collect()
+    });
+    let count = DIRECTIONS * MANY / (objects as u32).max(MANY);
+    &POINTS[count.max(8) as usize]
+}
 
 /// The first object along a ray that starts on `origin_on`, and where; for estimates only.
 fn nearest(packed: &Packed, origin: DVec3, direction: DVec3, origin_on: Option<usize>) -> Option<(usize, DVec3)> {
-    let distance = |(number, object): (usize, &Object)| {
-        let anchor = DVec3::from(object.anchor.map(f64::from));
-        let extent = f64::from(object.extent);
-        let own = origin_on == Some(number);
-        let distance = if object.kind == PLANE {
-            if own { -1.0 } else { (extent - anchor.dot(origin)) / anchor.dot(direction) }
-        } else {
-            let approach = (anchor - origin).dot(direction);
-            let half_chord = (extent * extent - (origin + direction * approach - anchor).length_squared()).sqrt();
-            let entry = approach - half_chord; // NaN where the ray misses
-            if own || entry <= 0.0 { approach + half_chord } else { entry }
-        };
-        // Outwards from a sphere its far side is where the ray starts.
-        (distance > if own { 1e-6 * extent } else { 0.0 } && distance.is_finite()).then_some((number, distance))
-    };
-    let hits = packed.objects.iter().enumerate().filter_map(distance);
+    let hits = packed.objects.iter().enumerate().filter_map(|(number, object)| {
+        distance(object, origin, direction, origin_on == Some(number)).map(|distance| (number, distance))
+    });
     hits.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(number, distance)| (number, origin + direction * distance))
 }
 
-/// Whether some direction of a cell, seen from a light, can hit some object; in doubt, yes.
-fn can_hit(packed: &Packed, light: DVec3, cell: u32) -> bool {
-    let (axis, half_angle) = bounding_cone(cell);
-    packed.objects.iter().any(|object| {
-        let anchor = DVec3::from(object.anchor.map(f64::from));
-        let extent = f64::from(object.extent);
-        if object.kind == PLANE {
-            let distance = extent - anchor.dot(light);
-            // 1e-5 of the numbers that cancel: float32 resolves them to 1e-7.
-            if distance.abs() <= 1e-5 * (light.abs().dot(anchor.abs()) + extent.abs()) {
-                return true;
-            }
-            axis.angle_between(anchor * distance.signum()) < std::f64::consts::FRAC_PI_2 + half_angle
-        } else {
-            let towards = anchor - light;
-            let distance = towards.length();
-            distance <= extent * (1.0 + 1e-5)
-                || axis.angle_between(towards) < half_angle + (extent * (1.0 + 1e-5) / distance).min(1.0).asin()
-        }
-    })
+/// Whether there is any. Planes, which come last, are what is hit most often.
+fn meets(packed: &Packed, origin: DVec3, direction: DVec3, origin_on: Option<usize>) -> bool {
+    let mut objects = packed.objects.iter().enumerate().rev();
+    objects.any(|(number, object)| distance(object, origin, direction, origin_on == Some(number)).is_some())
 }
 
-/// A cone that contains a cell: unit axis, and half of its opening angle in radians.
-fn bounding_cone(cell: u32) -> (DVec3, f64) {
-    let direction = |row: f64, column: f64| {
-        let height = 1.0 - row * 2.0 / f64::from(1 << ROWS_LOG2);
-        let turn = (column / f64::from(1 << COLUMNS_LOG2) - 0.125) * std::f64::consts::TAU;
-        let radius = (1.0 - height * height).max(0.0).sqrt();
-        DVec3::new(radius * turn.cos(), height, radius * turn.sin())
+/// How far along a ray an object is, where it is hit; `own`: the ray starts on it.
+fn distance(object: &Object, origin: DVec3, direction: DVec3, own: bool) -> Option<f64> {
+    let anchor = DVec3::from(object.anchor.map(f64::from));
+    let extent = f64::from(object.extent);
+    let distance = if object.kind == PLANE {
+        if own { -1.0 } else { (extent - anchor.dot(origin)) / anchor.dot(direction) }
+    } else {
+        let approach = (anchor - origin).dot(direction);
+        let half_chord = (extent * extent - (origin + direction * approach - anchor).length_squared()).sqrt();
+        let entry = approach - half_chord; // NaN where the ray misses
+        if own || entry <= 0.0 { approach + half_chord } else { entry }
     };
-    let (row, column) = (f64::from(cell >> COLUMNS_LOG2), f64::from(cell & ((1 << COLUMNS_LOG2) - 1)));
-    let axis = direction(row + 0.5, column + 0.5);
-    // The farthest point lies on the border; 8 points an edge miss it by less than the 2% added.
-    let border = (0..=8).flat_map(|i| {
-        let s = f64::from(i) / 8.0;
-        [(row, column + s), (row + 1.0, column + s), (row + s, column), (row + s, column + 1.0)]
-    });
-    let farthest = border.map(|(r, c)| axis.angle_between(direction(r, c))).fold(0.0, f64::max);
-    (axis, farthest * 1.02 + 1e-5) // 1e-5 rad: float32 directions
+    // Outwards from a sphere its far side is where the ray starts.
+    (distance > if own { 1e-6 * extent } else { 0.0 } && distance.is_finite()).then_some(distance)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn caps_leave_no_direction_out_in_which_something_is_hit() {
+        for name in ["sphere_and_plane", "many_spheres"] {
+            let scene = crate::scene::load(std::path::Path::new(&format!("scenes/{name}.toml"))).expect("ours");
+            let packed = Packed::new(&scene, scene.camera.position);
+            let light = DVec3::from(packed.lights[0].position.map(f64::from));
+            let caps = caps(&packed, light).expect("the light lies in no object");
+            let (mut hit, mut kept) = (0, 0);
+            for cell in cones() {
+                let is_kept = caps.iter().any(|cap| cap.meets(cell));
+                let is_hit = meets(&packed, light, cell.axis, None);
+                assert!(is_kept || !is_hit, "{name}: {:?}", cell.axis);
+                (hit, kept) = (hit + usize::from(is_hit), kept + usize::from(is_kept));
+            }
+            // And few more than it must: those that an object's border goes through.
+            assert!(hit > 0 && kept < CELLS && (kept - hit) * 20 < CELLS, "{name}: {hit} {kept}");
+        }
+    }
 }

@@ -163,6 +163,8 @@ pub struct Pipeline {
     /// By name.
     pub devices: Devices,
     last: Option<Last>,
+    /// Not all rows are wanted.
+    partial: bool,
 }
 
 impl Pipeline {
@@ -254,7 +256,7 @@ impl Pipeline {
                 (tracer, MapStage::on_host(Rc::clone(&pool)), IrradianceStage::on_host(pool))
             }
         };
-        Ok(Pipeline { tracer, map, irradiance, context, backend, devices, last: None })
+        Ok(Pipeline { tracer, map, irradiance, context, backend, devices, last: None, partial: false })
     }
 
     /// Renders a picture, redoing only what changed since the last one.
@@ -392,7 +394,7 @@ impl Pipeline {
         let done = |stage: &Stage| stale(*stage) && wanted(stage);
         let skipped = Stage::ALL.into_iter().filter(|stage| !done(stage)).collect();
         let radius = wants_map.then_some(chosen.radius);
-        let stopped = self.tracer.was_stopped();
+        let stopped = self.partial || !self.tracer.missing().is_empty();
         self.last =
             Some(Last { scene: scene.clone(), settings: settings.clone(), features, packed, photons, chosen, stopped });
         let method = wants_map.then_some(chosen.method);
@@ -421,14 +423,20 @@ impl Pipeline {
     }
 
     /// Lets pictures be drawn in parts, between which `pause` is called; where it returns false, the rest of the
-    /// picture is not wanted. OpenGL and the CPU heed it.
+    /// picture is not wanted. OpenGL and OpenCL heed it.
     pub fn set_pause(&mut self, pause: Option<Pause>) {
         self.tracer.set_pause(pause);
     }
 
-    /// Whether the last picture is unfinished, because the rest was not wanted.
-    pub fn was_stopped(&self) -> bool {
-        self.tracer.was_stopped()
+    /// Of the next picture only these rows are wanted, from and to; none: all of them. Others may be drawn or not.
+    pub fn set_rows(&mut self, rows: &[[u32; 2]]) {
+        self.tracer.set_rows(rows);
+        self.partial = !rows.is_empty();
+    }
+
+    /// Rows of the last picture, from and to, that are not there because the rest was not wanted.
+    pub fn missing(&self) -> &[[u32; 2]] {
+        self.tracer.missing()
     }
 
     /// The last photon map, and where its positions' origin lies in the world; for those who look at photons.

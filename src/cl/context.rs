@@ -168,7 +168,23 @@ impl Context {
     /// # Errors
     /// [`Error::Device`] when a launch is refused or fails.
     pub fn launch_paced(&self, kernel: &Kernel, args: &[Arg], global: &[usize], local: Option<&[usize]>) -> Result<()> {
-        let Some((all, across)) = global.split_last() else { return Ok(()) };
+        self.launch_while(kernel, args, global, local, &|| true).map(|_| ())
+    }
+
+    /// Like [`Context::launch_paced`], and asks between two pieces whether the rest is wanted. How much of the last
+    /// dimension was done.
+    ///
+    /// # Errors
+    /// As [`Context::launch_paced`].
+    pub fn launch_while(
+        &self,
+        kernel: &Kernel,
+        args: &[Arg],
+        global: &[usize],
+        local: Option<&[usize]>,
+        wanted: &dyn Fn() -> bool,
+    ) -> Result<usize> {
+        let Some((all, across)) = global.split_last() else { return Ok(0) };
         // Without a size of their own, work-groups of GPUs are some warps.
         let usual = if self.device.is_gpu { 64 } else { 1 };
         let granule = local.and_then(|local| local.last()).copied().unwrap_or(usual);
@@ -179,13 +195,16 @@ impl Context {
             let piece: Vec<usize> = across.iter().copied().chain([units]).collect();
             let offset: Vec<usize> = across.iter().map(|_| 0).chain([done]).collect();
             let begin = Instant::now();
-            let Some(event) = self.enqueue(kernel, args, &piece, local, &offset)? else { return Ok(()) };
+            let Some(event) = self.enqueue(kernel, args, &piece, local, &offset)? else { return Ok(all) };
             self.wait(&event, &kernel.name)?;
             // Some drivers do not tell; the host's clock then counts what stood in the queue too.
             kernel.pace.took(units, milliseconds(&event).unwrap_or(begin.elapsed().as_secs_f64() * 1e3));
             done += units;
+            if done < all && !wanted() {
+                break;
+            }
         }
-        Ok(())
+        Ok(done)
     }
 
     /// Like [`Context::launch`], then waits and tells the device's own time for it.

@@ -1,14 +1,17 @@
 //! `photile view`: the window.
 
-use std::path::PathBuf;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::options::{BackendArg, RenderOptions};
 use super::passes::TechniqueOptions;
 use super::{notice, print_json};
 use crate::error::{Error, Result};
+use crate::film::write_beside;
 use crate::settings::Backend;
 use crate::window;
+use crate::window::ladder::Budget;
 use crate::window::percentiles::Percentiles;
 use crate::window::replay::{self, Replayed};
 use crate::window::script::Script;
@@ -38,6 +41,9 @@ pub struct Args {
     /// Replay a recorded path (TOML), print frame-time percentiles, close
     #[arg(long, value_name = "FILE")]
     script: Option<PathBuf>,
+    /// Write what each of the script's pictures took, by stage, as CSV
+    #[arg(long, value_name = "FILE", requires = "script")]
+    frames: Option<PathBuf>,
     /// Replay the script without a window
     #[arg(long, requires = "script")]
     headless: bool,
@@ -63,10 +69,14 @@ pub fn run(args: &Args, started: Instant) -> Result<()> {
     wish.settle(&scene, &mut settings.clone())?; // what contradicts itself is refused here as by render
     let script = args.script.as_deref().map(Script::load).transpose()?;
     let machine = args.options.machine(args.backend.map(Backend::from));
+    let budget = match args.budget {
+        _ if args.full_quality => Budget::None,
+        None => Budget::Usual,
+        Some(ms) => Budget::Ms(ms.into()),
+    };
     if let (true, Some(script)) = (args.headless, &script) {
-        let budget = (!args.full_quality).then(|| args.budget.map_or(33.0, f64::from));
-        let replayed = replay::replay(&scene, &settings, &machine, budget, script, notice)?;
-        tell(&replayed);
+        let replayed = replay::replay(&scene, &settings, &machine, budget, script, args.frames.is_some(), notice)?;
+        tell(&replayed, args.frames.as_deref())?;
         if args.json {
             print_json(&replayed);
         }
@@ -77,18 +87,18 @@ pub fn run(args: &Args, started: Instant) -> Result<()> {
         scene,
         settings,
         machine,
-        budget: args.budget.map(f64::from),
+        budget,
         passes: args.passes,
         wish,
         panel: !args.no_panel,
         screenshot,
         script,
         record: args.record.clone(),
-        full_quality: args.full_quality,
+        table: args.frames.is_some(),
     };
     let summary = window::run(options, started)?;
     if let Some(replayed) = &summary.replayed {
-        tell(replayed);
+        tell(replayed, args.frames.as_deref())?;
     }
     if args.json {
         print_json(&summary);
@@ -96,8 +106,11 @@ pub fn run(args: &Args, started: Instant) -> Result<()> {
     Ok(())
 }
 
-/// A replay's figures in words.
-fn tell(replayed: &Replayed) {
+/// A replay's figures in words, and all of its pictures as a table where one is wanted.
+fn tell(replayed: &Replayed, table: Option<&Path>) -> Result<()> {
+    if let (Some(path), Some(table)) = (table, &replayed.table) {
+        write_beside(path, |file| file.write_all(table.as_bytes()))?;
+    }
     let Percentiles { frames, p50, p90, p99, max } = replayed.frame_ms;
     notice(&format!("{frames} frames: median {p50:.1} ms, p90 {p90:.1}, p99 {p99:.1}, longest {max:.1}"));
     for (level, count) in &replayed.levels {
@@ -105,4 +118,5 @@ fn tell(replayed: &Replayed) {
     }
     let [before, after] = replayed.memory_bytes.map(|bytes| bytes as f64 / 1e6);
     notice(&format!("memory {before:.1} MB after a quarter, {after:.1} MB at the end"));
+    Ok(())
 }

@@ -2,6 +2,7 @@
 
 use glow::HasContext;
 
+use super::target::smooth;
 use super::{Functions, Program, Target, Texture};
 use crate::census::{Counted, Kind};
 use crate::error::{Error, Result};
@@ -12,6 +13,8 @@ use crate::source::{Options, assemble};
 pub struct Mean {
     gl: Functions,
     program: Program,
+    /// Takes what another picture, of another size, has there.
+    patch: Program,
     /// Where a film in host memory goes first.
     upload: Texture,
     target: Option<(u32, u32, Target)>,
@@ -31,9 +34,12 @@ impl Mean {
     /// [`Error::Build`] and [`Error::Device`] from the driver.
     pub fn new(gl: &Functions) -> Result<Mean> {
         let program = Program::new(gl, &assemble("mean.frag", None, &Options::default()))?;
+        let scaled = Options { defines: vec!["SCALED".into()], ..Options::default() };
+        let patch = Program::new(gl, &assemble("mean.frag", None, &scaled))?;
         // SAFETY: the context is current; the texture is owned by the result.
         let upload = unsafe { gl.create_texture() }.map_err(|e| Error::Device(format!("OpenGL: texture: {e}")))?;
-        Ok(Mean { gl: gl.clone(), program, upload, target: None, passes: 0, _counted: Counted::new(Kind::OpenGl) })
+        let _counted = Counted::new(Kind::OpenGl);
+        Ok(Mean { gl: gl.clone(), program, patch, upload, target: None, passes: 0, _counted })
     }
 
     /// Forgets all passes.
@@ -74,6 +80,37 @@ impl Mean {
     /// # Errors
     /// As [`Mean::add`].
     pub fn add_image(&mut self, image: &Image) -> Result<()> {
+        self.upload(image);
+        self.add(self.upload, image.width, image.height)
+    }
+
+    /// Replaces rows, from and to each, by what a picture of another size has there, interpolated.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when the driver reports an error.
+    pub fn patch(&self, from: Texture, rows: &[[u32; 2]]) -> Result<()> {
+        let Some((width, height, target)) = &self.target else { return Ok(()) };
+        self.patch.activate(&["pass"]);
+        self.patch.set_texels("whole", &[*width as f32, *height as f32, 1.0]);
+        // SAFETY: the context is current.
+        unsafe {
+            self.gl.active_texture(glow::TEXTURE0);
+            self.gl.bind_texture(glow::TEXTURE_2D, Some(from));
+        }
+        smooth(&self.gl);
+        target.draw_rows(&self.patch, rows)
+    }
+
+    /// The same from a picture in host memory.
+    ///
+    /// # Errors
+    /// As [`Mean::patch`].
+    pub fn patch_image(&self, image: &Image, rows: &[[u32; 2]]) -> Result<()> {
+        self.upload(image);
+        self.patch(self.upload, rows)
+    }
+
+    fn upload(&self, image: &Image) {
         let gl = &self.gl;
         // SAFETY: the context is current; an image has `width · height` pixels of three floats.
         unsafe {
@@ -93,7 +130,6 @@ impl Mean {
             gl.tex_parameter_i32(glow::TEXTURE_2D, glow::TEXTURE_MIN_FILTER, glow::NEAREST as i32);
             gl.tex_parameter_i32(glow::TEXTURE_2D, glow::TEXTURE_MAG_FILTER, glow::NEAREST as i32);
         }
-        self.add(self.upload, image.width, image.height)
     }
 
     /// Copies the mean into a picture and waits until it is there.

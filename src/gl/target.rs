@@ -131,12 +131,17 @@ impl Target {
         self.draw_blended(active, weight, glow::ONE, None).map(|_| ())
     }
 
-    /// Draws like [`Target::draw_weighted`], and asks between two bands whether the rest is wanted; whether all was
-    /// drawn.
+    /// Draws like [`Target::draw_weighted`], and asks between two pieces whether the rest is wanted; the rows that were
+    /// not, from and to.
     ///
     /// # Errors
     /// [`Error::Device`] when the driver reports an error.
-    pub fn draw_while(&self, active: &Program, weight: Option<f32>, wanted: &dyn Fn() -> bool) -> Result<bool> {
+    pub fn draw_while(
+        &self,
+        active: &Program,
+        weight: Option<f32>,
+        wanted: &dyn Fn() -> bool,
+    ) -> Result<Vec<[u32; 2]>> {
         self.draw_blended(active, weight, glow::ONE, Some(wanted))
     }
 
@@ -154,7 +159,7 @@ impl Target {
         weight: Option<f32>,
         kept: u32,
         wanted: Option<&dyn Fn() -> bool>,
-    ) -> Result<bool> {
+    ) -> Result<Vec<[u32; 2]>> {
         let gl = &self.gl;
         // SAFETY: the context is current and a linked program is active (the argument says so).
         unsafe {
@@ -200,7 +205,33 @@ impl Target {
             if fault::of_draw() {
                 return Err(lost("drawing"));
             }
-            checked(gl, "drawing").map(|()| done == all)
+            checked(gl, "drawing")?;
+            let rows = |band: usize| [band * BAND, ((band + 1) * BAND).min(self.height as usize)].map(|row| row as u32);
+            Ok((done..all).map(|band| rows(band * stride % all)).collect())
+        }
+    }
+
+    /// Draws some rows anew, from and to each, with the active program, and waits until they are done.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when the driver reports an error.
+    pub fn draw_rows(&self, _active: &Program, rows: &[[u32; 2]]) -> Result<()> {
+        let gl = &self.gl;
+        // SAFETY: the context is current and a linked program is active (the argument says so).
+        unsafe {
+            gl.bind_framebuffer(glow::FRAMEBUFFER, Some(self.framebuffer));
+            gl.bind_vertex_array(Some(self.triangle));
+            gl.viewport(0, 0, self.width as i32, self.height as i32);
+            gl.disable(glow::BLEND);
+            gl.disable(glow::DEPTH_TEST);
+            gl.enable(glow::SCISSOR_TEST);
+            for [from, to] in rows {
+                gl.scissor(0, *from as i32, self.width as i32, (to - from) as i32);
+                gl.draw_arrays(glow::TRIANGLES, 0, 3);
+            }
+            gl.finish();
+            gl.disable(glow::SCISSOR_TEST);
+            checked(gl, "drawing rows")
         }
     }
 
@@ -224,17 +255,8 @@ impl Target {
     /// Lets the texture be interpolated where it is shown larger than it is.
     pub fn smooth(&self) {
         // SAFETY: the context is current.
-        unsafe {
-            self.gl.bind_texture(glow::TEXTURE_2D, Some(self.textures[0]));
-            for (name, value) in [
-                (glow::TEXTURE_MIN_FILTER, glow::LINEAR),
-                (glow::TEXTURE_MAG_FILTER, glow::LINEAR),
-                (glow::TEXTURE_WRAP_S, glow::CLAMP_TO_EDGE),
-                (glow::TEXTURE_WRAP_T, glow::CLAMP_TO_EDGE),
-            ] {
-                self.gl.tex_parameter_i32(glow::TEXTURE_2D, name, value as i32);
-            }
-        }
+        unsafe { self.gl.bind_texture(glow::TEXTURE_2D, Some(self.textures[0])) };
+        smooth(&self.gl);
     }
 
     /// The target's pixels, four components each as raw 32-bit words, row 0 first.
@@ -267,6 +289,19 @@ impl Target {
     /// Bytes on the device.
     pub fn bytes(&self) -> usize {
         self.width as usize * self.height as usize * 16 * self.textures.len()
+    }
+}
+
+/// Lets the bound texture be interpolated, and end at its edges.
+pub(super) fn smooth(gl: &Functions) {
+    for (name, value) in [
+        (glow::TEXTURE_MIN_FILTER, glow::LINEAR),
+        (glow::TEXTURE_MAG_FILTER, glow::LINEAR),
+        (glow::TEXTURE_WRAP_S, glow::CLAMP_TO_EDGE),
+        (glow::TEXTURE_WRAP_T, glow::CLAMP_TO_EDGE),
+    ] {
+        // SAFETY: the context is current.
+        unsafe { gl.tex_parameter_i32(glow::TEXTURE_2D, name, value as i32) };
     }
 }
 

@@ -5,7 +5,8 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::ladder::{Cost, Level};
+use super::ladder::Cost;
+use super::level::Level;
 use super::request::Request;
 use super::turn::{Taken, Turn};
 use crate::change::Stage;
@@ -34,6 +35,10 @@ pub struct Made {
     pub radius: Option<f32>,
     /// Quality.
     pub level: Level,
+    /// Share of the picture that was not there when its time was over: there it is coarser.
+    pub missed: f64,
+    /// Milliseconds that drawing the rest so took.
+    pub patch_ms: f64,
     /// Passes in the mean; 0: a single picture of what moves.
     pub passes: u64,
     /// Of what its indirect light was made.
@@ -56,9 +61,27 @@ impl Made {
     /// For the ladder.
     pub fn cost(&self) -> Cost {
         let photons = self.times.emit + self.times.grid + self.times.tiles + self.times.upload;
-        Cost { photons, pixels: (self.frame_ms - photons - self.times.compile).max(0.0) }
+        // Of a picture that was cut short, what all of it would have taken.
+        let whole = self.times.trace / (1.0 - self.missed).max(0.1) - self.times.trace;
+        Cost { photons, pixels: (self.frame_ms - self.patch_ms - photons - self.times.compile + whole).max(0.0) }
     }
 }
+
+/// How long a picture is drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Until {
+    /// To its end.
+    Done,
+    /// As long as it is wanted.
+    Unwanted,
+    /// No longer than this: then the rest of it is drawn coarsely.
+    Late(Instant),
+}
+
+/// What a piece of a picture should take, ms: less than a frame that waits for it, or ends with it.
+pub const PIECE: f64 = 12.0;
+/// Pixels of what is drawn coarsely are so many times as wide and high: a ninth of the cost.
+const PATCH: u32 = 3;
 
 /// Draws requests.
 pub struct Engine {
@@ -92,20 +115,51 @@ impl Engine {
         Ok(Engine { pipeline: None, mean, current, machine, turn, held: Rc::default(), wanted, notice })
     }
 
-    /// Draws a single picture at a level. Tells nothing where `stoppable` and it was not wanted any more before it was
-    /// done; so does [`Engine::pass`].
+    /// Draws a single picture at a level. Tells nothing where it was not wanted any more before it was done; so does
+    /// [`Engine::pass`].
     ///
     /// # Errors
     /// What the backend meets.
-    pub fn draft(&mut self, request: &Request, level: Level, stoppable: bool) -> Result<Option<Made>> {
+    pub fn draft(&mut self, request: &Request, level: Level, until: Until) -> Result<Option<Made>> {
         self.in_turn(request.backend, |engine| {
             let start = Instant::now();
             let settings = request.draft(level);
-            let Some(drawn) = engine.draw(request, &settings, stoppable)? else { return Ok(None) };
+            let Some(drawn) = engine.draw(request, &settings, until)? else { return Ok(None) };
             engine.mean.restart();
             engine.show(&settings)?;
-            Ok(Some(Made { level, ..engine.made(start, request, drawn, &settings) }))
+            let mut made = Made { level, ..engine.made(start, request, drawn, &settings) };
+            let missing = engine.pipeline.as_ref().map(|pipeline| pipeline.missing().to_vec()).unwrap_or_default();
+            if !missing.is_empty() {
+                engine.patch(request, &settings, &missing)?;
+                let rows: u32 = missing.iter().map(|[from, to]| to - from).sum();
+                made.missed = f64::from(rows) / f64::from(settings.height);
+                made.patch_ms = start.elapsed().as_secs_f64() * 1e3 - made.frame_ms;
+                made.frame_ms += made.patch_ms;
+            }
+            Ok(Some(made))
         })
+    }
+
+    /// Draws what a picture lacks when its time is over: coarsely.
+    fn patch(&mut self, request: &Request, settings: &Settings, missing: &[[u32; 2]]) -> Result<()> {
+        let [width, height] = [settings.width, settings.height].map(|side| side.div_ceil(PATCH));
+        // A row more on either side, to interpolate from.
+        let rows =
+            missing.iter().map(|[from, to]| [(from / PATCH).saturating_sub(1), (to.div_ceil(PATCH) + 1).min(height)]);
+        let rows: Vec<[u32; 2]> = rows.collect();
+        let settings = Settings { width, height, ..settings.clone() };
+        let set_rows = |engine: &mut Engine, rows: &[[u32; 2]]| {
+            engine.pipeline.iter_mut().for_each(|pipeline| pipeline.set_rows(rows));
+        };
+        set_rows(self, &rows);
+        let drawn = self.draw(request, &settings, Until::Done);
+        set_rows(self, &[]);
+        drawn?;
+        let Some(pipeline) = &mut self.pipeline else { return Ok(()) };
+        match pipeline.film()? {
+            Film::Texture(texture) => self.mean.patch(texture, missing),
+            Film::Host(image) => self.mean.patch_image(&image, missing),
+        }
     }
 
     /// Draws one more pass, for the picture that is shown and, as `render --passes` does it, for the one that is kept.
@@ -116,7 +170,8 @@ impl Engine {
         self.in_turn(request.backend, |engine| {
             let start = Instant::now();
             let settings = passes.next_settings()?;
-            let Some(mut drawn) = engine.draw(request, &settings, stoppable)? else { return Ok(None) };
+            let until = if stoppable { Until::Unwanted } else { Until::Done };
+            let Some(mut drawn) = engine.draw(request, &settings, until)? else { return Ok(None) };
             if passes.passes() == 0 {
                 engine.mean.restart();
             }
@@ -143,7 +198,7 @@ impl Engine {
     }
 
     /// Gives others their turn between two parts of a picture; whether the rest is wanted.
-    fn pause(&self, stoppable: bool) -> Rc<dyn Fn() -> bool> {
+    fn pause(&self, until: Until) -> Rc<dyn Fn() -> bool> {
         let (turn, held, wanted) = (Arc::clone(&self.turn), Rc::clone(&self.held), Rc::clone(&self.wanted));
         Rc::new(move || {
             let had = held.borrow_mut().take();
@@ -151,21 +206,25 @@ impl Engine {
                 drop(had);
                 *held.borrow_mut() = Some(turn.take());
             }
-            !stoppable || wanted()
+            match until {
+                Until::Done => true,
+                Until::Unwanted => wanted(),
+                Until::Late(end) => Instant::now() < end,
+            }
         })
     }
 
-    fn draw(&mut self, request: &Request, settings: &Settings, stoppable: bool) -> Result<Option<Rendering>> {
+    fn draw(&mut self, request: &Request, settings: &Settings, until: Until) -> Result<Option<Rendering>> {
         if self.pipeline.as_ref().is_none_or(|pipeline| pipeline.backend != request.backend) {
             self.pipeline = None; // its memory first
             self.pipeline =
                 Some(Pipeline::open_within(request.backend, &self.machine, &self.current, &mut self.notice)?);
         }
-        let pause = self.pause(stoppable);
+        let pause = self.pause(until);
         let Some(pipeline) = &mut self.pipeline else { unreachable!("opened above") };
         pipeline.set_pause(Some(pause));
         let drawn = pipeline.draw(&request.scene, settings)?;
-        if pipeline.was_stopped() {
+        if until == Until::Unwanted && !pipeline.missing().is_empty() {
             return Ok(None);
         }
         // What follows is the context's, even after the twins.
@@ -192,6 +251,8 @@ impl Engine {
             method: drawn.method,
             radius: drawn.radius,
             level: Level::FULL,
+            missed: 0.0,
+            patch_ms: 0.0,
             passes: 0,
             technique: settings.technique,
             error: None,

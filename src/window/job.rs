@@ -1,7 +1,7 @@
 //! What a worker is asked for, how far it has come with it, and what comes next. No thread in here.
 
 use super::engine::{Engine, Made};
-use super::ladder::Level;
+use super::level::{self, Level};
 use super::markers;
 use super::request::{Key, Request};
 use crate::error::Result;
@@ -61,7 +61,7 @@ pub enum Step {
 }
 
 /// Half the resolution, all photons.
-const HALF: Level = Level { coarse: 3, fewer: 0, no_gathering: false };
+const HALF: Level = Level { coarse: level::HALF, fewer: 0, no_gathering: false };
 /// Relative error from which passes of final gathering are shown. What they follow is smooth, and off by about two per
 /// cent (gi_ref, 200k paths: mean absolute error as after ten passes); noise has to be less than that, since it is seen
 /// more easily.

@@ -14,6 +14,7 @@
 pub mod history;
 pub mod keys;
 pub mod ladder;
+pub mod level;
 pub mod markers;
 pub mod orbit;
 pub mod percentiles;
@@ -39,6 +40,7 @@ mod state;
 mod summary;
 mod thread;
 mod turn;
+mod typical;
 mod worker;
 
 pub use app::run;

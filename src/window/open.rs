@@ -11,6 +11,7 @@ use winit::keyboard::ModifiersState;
 use winit::window::Window;
 
 use super::app::Wake;
+use super::engine::PIECE;
 use super::hands::Hands;
 use super::history::History;
 use super::job::{Goal, Job};
@@ -30,12 +31,8 @@ use crate::pace;
 use crate::settings::Backend;
 use crate::technique::Kind;
 
-/// Frame budget on a GPU and in software, ms.
-const BUDGETS: [f64; 2] = [33.0, 100.0];
 /// Things rest when nothing has moved for so long.
 const REST: Duration = Duration::from_millis(150);
-/// What a piece of a picture should take, ms: less than a frame that waits for it.
-const PIECE: f64 = 12.0;
 /// A step of flight.
 const TICK: Duration = Duration::from_millis(16);
 /// An open window and all that lives in it.
@@ -121,11 +118,13 @@ impl Open {
         let held = turn.take();
         let present = Present::new(&windowed.current.gl)?;
         let egui = EguiGlow::new(events, windowed.functions(), None, None, false);
+        // Nothing is painted anew without a reason, so what fades in would stay half faded.
+        egui.egui_ctx.all_styles_mut(|style| style.animation_time = 0.0);
         drop(held);
         let proxy = proxy.clone();
         let terms = Terms {
             machine: options.machine.clone(),
-            budget: (!options.full_quality).then_some(options.budget.unwrap_or(BUDGETS[usize::from(software)])),
+            budget: options.budget.ms(software),
             turn,
             // An event loop that is gone needs no waking.
             wake: Arc::new(move || drop(proxy.send_event(Wake))),
@@ -134,7 +133,7 @@ impl Open {
         let watch = Watch::new(&options.path);
         let (now, named) = (options.record.is_some(), format!("{}.path.toml", options.scene.name));
         let recording = Recording::new(options.record.unwrap_or_else(|| PathBuf::from(named)), now);
-        let player = options.script.map(Player::new);
+        let player = options.script.map(|script| Player::new(script, options.table));
         let mut wish = options.wish;
         wish.on_gpu = !software;
         if wish.estimates {

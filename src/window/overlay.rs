@@ -42,8 +42,11 @@ pub fn draw(painter: &Painter, area: Rect, state: &State, side: usize, pane: &Pa
         (markers.cells.len(), "cells shown"),
         (markers.tiles.as_ref().map_or(0, |t| t.counts.len()), "tiles"),
     ];
-    let text: Vec<String> =
+    let mut text: Vec<String> =
         shown.iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!("{count} {what}")).collect();
+    if state.markers.tiles && markers.tiles.is_none() {
+        text.push("no tiles: 2 and 3 gather by them".into());
+    }
     let at = part.left_bottom() + vec2(6.0, -6.0);
     label(&painter, at, egui::Align2::LEFT_BOTTOM, &text.join(", "));
 }

@@ -6,7 +6,7 @@
 use std::sync::Arc;
 
 use super::job::{Goal, Job};
-use super::ladder::Level;
+use super::level::Level;
 use super::markers::Markers;
 use super::request::Request;
 use super::worker::{Frame, News, Terms, Worker};

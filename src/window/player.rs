@@ -25,9 +25,9 @@ pub struct Player {
 }
 
 impl Player {
-    /// At its beginning.
-    pub fn new(script: Script) -> Player {
-        Player { script, counting: Counting::default(), awaited: None, arrived: false }
+    /// At its beginning; with a `table` of all pictures or without.
+    pub fn new(script: Script, table: bool) -> Player {
+        Player { script, counting: Counting::new(table), awaited: None, arrived: false }
     }
 
     /// All pictures were seen.

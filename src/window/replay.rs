@@ -1,11 +1,13 @@
 //! A script without a window: the same pictures by the same engine and the same ladder, in a context without a display.
 
+use std::fmt::Write as _;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::engine::{Engine, Made};
-use super::ladder::{Ladder, Level};
+use super::engine::{Engine, Made, PIECE, Until};
+use super::ladder::{Budget, Ladder};
+use super::level::{COARSE, FEWER, Level};
 use super::percentiles::{Percentiles, resident_bytes};
 use super::request::Request;
 use super::script::Script;
@@ -13,6 +15,7 @@ use super::turn::Turn;
 use crate::census::{Kind, alive};
 use crate::error::Result;
 use crate::gl::{Headless, Picture};
+use crate::pace;
 use crate::pipeline::{Machine, Times};
 use crate::scene::Scene;
 use crate::settings::{Backend, Method, Settings};
@@ -39,6 +42,9 @@ pub struct Replayed {
     pub gl_objects: [i64; 2],
     /// OpenCL objects alive at the same moments.
     pub cl_objects: [i64; 2],
+    /// A line of CSV a picture, where that was wanted.
+    #[serde(skip)]
+    pub table: Option<String>,
 }
 
 /// A picture that took long, and why.
@@ -69,9 +75,17 @@ pub struct Counting {
     photons: u64,
     quarter: Option<(u64, [i64; 2])>,
     memory: Vec<u64>,
+    /// A line a picture, where that is wanted.
+    table: Option<String>,
 }
 
 impl Counting {
+    /// From the beginning; with a `table` of all pictures or without.
+    pub fn new(table: bool) -> Counting {
+        let head = "frame,ms,coarse,fewer,direct_only,width,height,compile,emit,grid,tiles,upload,trace\n";
+        Counting { table: table.then(|| head.into()), ..Counting::default() }
+    }
+
     /// A picture that took so long, of `frames` in all.
     pub fn add(&mut self, ms: f64, made: &Made, frames: usize) {
         self.photons = made.photons.map_or(0, |photons| photons.stored);
@@ -81,6 +95,23 @@ impl Counting {
             let slow = Slow { frame: self.times.len(), ms, level: name.clone(), times: made.times };
             self.slowest.insert(rank, slow);
             self.slowest.truncate(SLOWEST);
+        }
+        if let Some(table) = &mut self.table {
+            let (level, t, [width, height]) = (made.level, &made.times, made.size);
+            let _ = writeln!(
+                table, // a string takes all
+                "{},{ms:.3},{},{},{},{width},{height},{:.3},{:.3},{:.3},{:.3},{:.3},{:.3}",
+                self.times.len(),
+                COARSE[level.coarse],
+                FEWER[level.fewer],
+                level.no_gathering,
+                t.compile,
+                t.emit,
+                t.grid,
+                t.tiles,
+                t.upload,
+                t.trace
+            );
         }
         self.times.push(ms);
         match self.levels.iter_mut().find(|(known, _)| *known == name) {
@@ -113,6 +144,7 @@ impl Counting {
             photons_stored: self.photons,
             memory_bytes: [then.0, now.0],
             memory_curve_bytes: self.memory,
+            table: self.table,
             gl_objects: [then.1[0], now.1[0]],
             cl_objects: [then.1[1], now.1[1]],
         }
@@ -127,11 +159,13 @@ pub fn replay(
     scene: &Scene,
     settings: &Settings,
     machine: &Machine,
-    budget: Option<f64>,
+    budget: Budget,
     script: &Script,
+    table: bool,
     notice: impl FnMut(&str) + 'static,
 ) -> Result<Replayed> {
     let headless = Headless::new()?;
+    pace::set_aim(PIECE); // as in the window
     let turn = Arc::new(Turn::new(false)); // there is one thread
     let wanted = Rc::new(|| true);
     let mut engine = Engine::new(headless.current(), machine.clone(), turn, wanted, Box::new(notice))?;
@@ -140,9 +174,10 @@ pub fn replay(
         settings.gather.method = Method::Grid; // as in the window
     }
     let backend = machine.backend.unwrap_or(Backend::OpenGl);
+    let budget = budget.ms(headless.is_software);
     let mut ladder = budget.map(Ladder::new);
     let mut picture = Picture::empty();
-    let mut counting = Counting::default();
+    let mut counting = Counting::new(table);
     let frames = script.frames();
     let mut warm = false;
     while counting.frames() < frames {
@@ -151,7 +186,12 @@ pub fn replay(
         let request = Request::new(seen, settings.clone(), backend, &Wish::default());
         let level = ladder.as_ref().map_or(Level::FULL, Ladder::level);
         let start = Instant::now();
-        let Some(made) = engine.draft(&request, level, false)? else { continue };
+        // The first one builds programs, however long that takes.
+        let until = match &ladder {
+            Some(ladder) if warm => Until::Late(start + ladder.time()),
+            _ => Until::Done,
+        };
+        let Some(made) = engine.draft(&request, level, until)? else { continue };
         engine.copy_to(&mut picture)?;
         let ms = start.elapsed().as_secs_f64() * 1e3;
         if !warm {

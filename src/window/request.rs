@@ -9,7 +9,7 @@ use crate::scene::{Camera, Scene};
 use crate::settings::{Amount, Backend, DensityKernel, LightMode, Method, Settings, Technique};
 use crate::technique::Wish;
 
-use super::ladder::Level;
+use super::level::Level;
 
 /// A picture that is wanted, at full quality.
 #[derive(Clone, Debug, PartialEq)]

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::ladder::Budget;
 use super::replay::Replayed;
 use super::script::Script;
 use crate::pipeline::Machine;
@@ -19,8 +20,8 @@ pub struct Options {
     pub settings: Settings,
     /// Where pictures are made; without a backend OpenGL, or what works.
     pub machine: Machine,
-    /// Milliseconds a frame while things move; `None`: 33 on a GPU, 100 in software.
-    pub budget: Option<f64>,
+    /// How long a frame may take while things move.
+    pub budget: Budget,
     /// Passes until converged.
     pub passes: u32,
     /// How they are made: what was asked for, the rest open.
@@ -33,8 +34,8 @@ pub struct Options {
     pub script: Option<Script>,
     /// Where recorded paths go; recording begins at once where this is given.
     pub record: Option<PathBuf>,
-    /// Full quality, however long a frame takes.
-    pub full_quality: bool,
+    /// Keep a table of all the script's pictures.
+    pub table: bool,
 }
 
 /// What a window was, for `--json`.

@@ -5,8 +5,9 @@ use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::{Arc, PoisonError};
+use std::time::Instant;
 
-use super::engine::Engine;
+use super::engine::{Engine, Until};
 use super::job::{Doing, Goal, Job, Step};
 use super::ladder::Ladder;
 use super::markers::Markers;
@@ -116,7 +117,15 @@ impl Thread<'_> {
         let moving = doing.job.goal == Goal::Draft;
         *self.drawing.borrow_mut() = Some(doing.job.request.clone());
         let made = match step {
-            Step::Draft(level) => self.engine.draft(&doing.job.request, level, known && !moving),
+            Step::Draft(level) => self.engine.draft(
+                &doing.job.request,
+                level,
+                match self.ladder.as_ref() {
+                    Some(ladder) if known && moving => Until::Late(Instant::now() + ladder.time()),
+                    _ if known && !moving => Until::Unwanted,
+                    _ => Until::Done,
+                },
+            ),
             Step::Pass => doing.pass(&mut self.engine),
         };
         let made = match made {

@@ -33,9 +33,10 @@ impl Display {
             common::missing("xdotool", &error);
             return None;
         }
-        // The server names a free display by itself.
+        // The server names a free display by itself. Without -noreset it begins anew when its last client goes, as each
+        // xdotool does, and refuses whoever comes just then.
         let server = Command::new("Xvfb")
-            .args(["-displayfd", "1", "-screen", "0", "1100x800x24", "-fbdir"])
+            .args(["-noreset", "-displayfd", "1", "-screen", "0", "1100x800x24", "-fbdir"])
             .arg(directory.path())
             .stdout(Stdio::piped())
             .stderr(Stdio::null())

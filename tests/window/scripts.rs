@@ -38,3 +38,38 @@ fn scripts_run_in_a_window_and_without() {
         assert_eq!(replayed["gl_objects"][0], replayed["gl_objects"][1], "{summary}");
     }
 }
+
+#[test]
+fn two_thousand_pictures_with_photons_of_their_own_leave_nothing_behind() {
+    let directory = tempfile::tempdir().unwrap();
+    let script = directory.path().join("path.toml");
+    let shipped = common::scene_path("paths/gi_ref_light");
+    let text = std::fs::read_to_string(shipped).unwrap().replace("step = 0.05", "step = 0.05\nrepeat = 7");
+    std::fs::write(&script, text).unwrap();
+    let table = directory.path().join("frames.csv");
+    let out = Command::new(BINARY)
+        .arg("view")
+        .arg(common::scene_path("gi_ref"))
+        .args(["--json", "--headless", "--size", "40x30", "--photons", "1k", "--script"])
+        .arg(&script)
+        .arg("--frames")
+        .arg(&table)
+        // Else the allocator keeps a megabyte more or less of what was freed, as it pleases.
+        .envs([("MALLOC_MMAP_THRESHOLD_", "65536"), ("MALLOC_TRIM_THRESHOLD_", "131072")])
+        .output()
+        .unwrap();
+    let err = String::from_utf8_lossy(&out.stderr);
+    if !out.status.success() {
+        return common::missing("OpenGL", &err);
+    }
+    let replayed: Value = serde_json::from_slice(&out.stdout).unwrap();
+    assert_eq!(replayed["frame_ms"]["frames"], 2100, "{replayed}");
+    for objects in ["gl_objects", "cl_objects"] {
+        assert_eq!(replayed[objects][0], replayed[objects][1], "{objects}: {replayed}");
+    }
+    // From a quarter on: half a kilobyte a picture, where the smallest table of a map has four.
+    let [then, now] = [0, 1].map(|i| replayed["memory_bytes"][i].as_i64().unwrap());
+    assert!(now - then < 1575 * 512, "memory grew by {} bytes: {}", now - then, replayed["memory_curve_bytes"]);
+    let lines = std::fs::read_to_string(&table).unwrap().lines().count();
+    assert_eq!(lines, 2101, "a head, and a line a picture");
+}

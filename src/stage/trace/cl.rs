@@ -3,7 +3,7 @@
 use std::rc::Rc;
 
 use super::draws::{self, Draws, Query};
-use super::{Indirect, Permutation, Trace, check_count, out_of_order};
+use super::{Indirect, Pause, Permutation, Trace, check_count, out_of_order};
 use crate::cl::{Arg, Buffer, Context, Kernel};
 use crate::error::Result;
 use crate::film::Image;
@@ -30,6 +30,9 @@ pub struct ClTrace {
     points: Option<Buffer<LitPoint>>,
     sites: Option<(Buffer<Site>, Buffer<SiteSurface>)>,
     active: Option<Compiled>,
+    /// Called between pieces of a picture.
+    pause: Option<Pause>,
+    missing: Vec<[u32; 2]>,
 }
 
 /// A kernel, and what it was built for.
@@ -71,7 +74,22 @@ impl ClTrace {
     pub fn new(context: Rc<Context>) -> Result<ClTrace> {
         let (frame, lattice, slice) = (Buffer::new(&context, 1)?, Buffer::new(&context, 1)?, Buffer::new(&context, 1)?);
         let (objects, lights, film, part, points, sites, active) = Default::default();
-        Ok(ClTrace { context, objects, lights, frame, film, part, slice, lattice, points, sites, active })
+        let (pause, missing) = Default::default();
+        Ok(ClTrace {
+            context,
+            objects,
+            lights,
+            frame,
+            film,
+            part,
+            slice,
+            lattice,
+            points,
+            sites,
+            active,
+            pause,
+            missing,
+        })
     }
 
     /// How a picture is cut within its pixels: on CPUs, where nothing has to be, never.
@@ -204,17 +222,27 @@ impl Trace for ClTrace {
             Indirect::Map(MapView::Device { grid, .. }) => Some(grid.plan.gather),
             _ => None,
         };
-        let trace = |kernel: &Kernel, mut args: Vec<Arg>, frame: &Frame, film: &Buffer<[f32; 3]>| {
-            kernel.pace.expect(f64::from(width) * draws::work(frame, &indirect, gather.as_ref()));
-            // What is not cut goes on from a row to the next.
-            let stride = if kernel.pace.fits(blocks[1]) { 1 } else { pace::stride(bands as usize) };
-            let [width, height, bands, stride] = [width, height, bands, stride as u32].map(|n| Arg::Int(n as i32));
-            args.extend([Arg::from(film), width, height, bands, stride]);
-            context.launch_paced(kernel, &args, &blocks, Some(&local))
-        };
+        let pause = self.pause.clone().unwrap_or_else(|| Rc::new(|| true));
+        let trace =
+            |kernel: &Kernel, mut args: Vec<Arg>, frame: &Frame, film: &Buffer<[f32; 3]>| -> Result<Vec<[u32; 2]>> {
+                kernel.pace.expect(f64::from(width) * draws::work(frame, &indirect, gather.as_ref()));
+                // What is not cut goes on from a row to the next.
+                let stride = if kernel.pace.fits(blocks[1]) { 1 } else { pace::stride(bands as usize) };
+                let numbers = [width, height, bands, stride as u32].map(|n| Arg::Int(n as i32));
+                args.push(Arg::from(film));
+                args.extend(numbers);
+                let done = context.launch_while(kernel, &args, &blocks, Some(&local), &*pause)?;
+                let missing = (done as u32 / BAND..bands).map(|band| {
+                    let first = band * stride as u32 % bands * BAND * rows;
+                    [first, (first + BAND * rows).min(height)]
+                });
+                Ok(missing.collect())
+            };
+        self.missing.clear();
         let Some([sliced, add]) = active.sliced.as_ref().filter(|_| !draws.is_whole(frame)) else {
             args.extend(active.queue.map(Arg::Local)); // slices are gathered alone
-            return trace(&active.kernel, args, frame, film);
+            self.missing = trace(&active.kernel, args, frame, film)?;
+            return Ok(());
         };
         if gather.is_some() {
             args[3] = (&self.slice).into(); // the map's own arguments follow the scene's, this one first
@@ -229,12 +257,25 @@ impl Trace for ClTrace {
                 let slices = draws.slices as f32;
                 self.slice.write(context, &[Gather { slice: slice as f32, slices, ..gather }])?;
             }
-            trace(sliced, args.clone(), &frame, part)?;
+            let missing = trace(sliced, args.clone(), &frame, part)?;
             let floats = 3 * film.len();
             let [count, is_first] = [floats as i32, i32::from(number == 0)].map(Arg::Int);
             context.launch(add, &[(&*part).into(), film.into(), count, weight.into(), is_first], &[floats], None)?;
+            if !missing.is_empty() || !pause() {
+                // What is there of the others is a part of it.
+                self.missing = vec![[0, frame.height as u32]];
+                break;
+            }
         }
         Ok(())
+    }
+
+    fn set_pause(&mut self, pause: Option<Pause>) {
+        self.pause = pause;
+    }
+
+    fn missing(&self) -> &[[u32; 2]] {
+        &self.missing
     }
 
     fn read(&mut self) -> Result<Image> {

@@ -38,7 +38,9 @@ pub struct GlTrace {
     rounds: Rounds,
     /// Called between bands of rows.
     pause: Option<Pause>,
-    stopped: bool,
+    /// All that is wanted, where that is not all.
+    rows: Vec<[u32; 2]>,
+    missing: Vec<[u32; 2]>,
 }
 
 impl GlTrace {
@@ -64,7 +66,8 @@ impl GlTrace {
             active: None,
             rounds: if is_software { draws::LLVMPIPE } else { draws::GPU },
             pause: None,
-            stopped: false,
+            rows: Vec::new(),
+            missing: Vec::new(),
         })
     }
 }
@@ -207,16 +210,22 @@ impl Trace for GlTrace {
         let gather = matches!(indirect, Indirect::Map(_)).then(|| self.photons.gather());
         target.pace.expect(draws::work(frame, &indirect, gather));
         let pause = self.pause.clone().unwrap_or_else(|| Rc::new(|| true));
+        if draws.is_whole(frame) && !self.rows.is_empty() {
+            self.missing.clear();
+            return target.draw_rows(program, &self.rows);
+        }
         if draws.is_whole(frame) {
-            self.stopped = !target.draw_while(program, None, &*pause)?;
+            self.missing = target.draw_while(program, None, &*pause)?;
             return Ok(());
         }
         target.clear();
+        self.missing.clear();
         for (part, weight, slice) in draws.parts(frame) {
             program.set_records(std::slice::from_ref(&part));
             self.photons.set_slice(program, slice, draws.slices);
-            self.stopped = !target.draw_while(program, Some(weight), &*pause)? || !pause();
-            if self.stopped {
+            if !target.draw_while(program, Some(weight), &*pause)?.is_empty() || !pause() {
+                // What is there of the others is a part of it.
+                self.missing = vec![[0, height]];
                 break;
             }
         }
@@ -227,8 +236,12 @@ impl Trace for GlTrace {
         self.pause = pause;
     }
 
-    fn was_stopped(&self) -> bool {
-        self.stopped
+    fn set_rows(&mut self, rows: &[[u32; 2]]) {
+        self.rows = rows.to_vec();
+    }
+
+    fn missing(&self) -> &[[u32; 2]] {
+        &self.missing
     }
 
     fn read(&mut self) -> Result<Image> {

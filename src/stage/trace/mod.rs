@@ -107,9 +107,13 @@ pub trait Trace {
     /// Lets pictures be drawn in parts, between which this is called.
     fn set_pause(&mut self, _pause: Option<Pause>) {}
 
-    /// Whether the last [`Trace::trace`] was stopped by its pause: the film is unfinished.
-    fn was_stopped(&self) -> bool {
-        false
+    /// Of the next pictures only these rows are wanted, from and to; none: all of them. Who cannot leave the others out
+    /// draws them, too.
+    fn set_rows(&mut self, _rows: &[[u32; 2]]) {}
+
+    /// Rows of the film, from and to, that the last [`Trace::trace`] left out, because its pause did not want the rest.
+    fn missing(&self) -> &[[u32; 2]] {
+        &[]
     }
 
     /// The film as a texture of the current context, where it is one.
