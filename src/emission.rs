@@ -298,7 +298,7 @@ fn nearest(packed: &Packed, origin: DVec3, direction: DVec3, origin_on: Option<u
         let extent = f64::from(object.extent);
         let own = origin_on == Some(number);
         let distance = if object.kind == PLANE {
-            if own { -1.0 } else { (extent - anchor.dot(origin)) / anchor.dot(direction) }
+            if own { f64::NAN } else { (extent - anchor.dot(origin)) / anchor.dot(direction) }
         } else {
             let approach = (anchor - origin).dot(direction);
             let half_chord = (extent * extent - (origin + direction * approach - anchor).length_squared()).sqrt();
@@ -351,4 +351,35 @@ fn bounding_cone(cell: u32) -> (DVec3, f64) {
     });
     let farthest = border.map(|(r, c)| axis.angle_between(direction(r, c))).fold(0.0, f64::max);
     (axis, farthest * 1.02 + 1e-5) // 1e-5 rad: float32 directions
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::parse;
+
+    #[test]
+    fn the_map_is_the_same_at_any_scale() {
+        let cells = |scale: f64| {
+            let text = format!(
+                "[camera]\nposition = [0, 0, {}]\nlook_at = [0, 0, 0]\n[materials.m]\ncolor = [1, 1, 1]\n\
+                 [[lights]]\nposition = [{}, {}, 0]\nintensity = [1, 1, 1]\n\
+                 [[planes]]\nnormal = [0, 1, 0]\noffset = {}\nmaterial = \"m\"\n\
+                 [[spheres]]\ncenter = [0, 0, 0]\nradius = {}\nmaterial = \"m\"\n",
+                8.0 * scale,
+                -6.0 * scale,
+                6.0 * scale,
+                -4.0 * scale,
+                2.0 * scale
+            );
+            let scene = parse(&text, "scaled").unwrap();
+            Plan::indirect(&Packed::new(&scene, scene.camera.position)).unwrap().cells
+        };
+        let here = cells(1.0);
+        assert!(here.iter().any(|entry| entry >> CELL_BITS & ((1 << PART_BITS) - 1) > 1), "nothing is worth more");
+        // Powers of two change no digit.
+        for exponent in [-30, 20, 30] {
+            assert!(cells(2f64.powi(exponent)) == here, "scale 2^{exponent}");
+        }
+    }
 }
