@@ -111,13 +111,14 @@ impl Random {
 impl Case {
     fn of(class: Class, number: u32) -> Case {
         let mut random = Random(hash2_u(class as u32, 0x5eed), number.wrapping_mul(16));
-        let scale = random.decades(-3.0, 3.0);
+        let scale = random.decades(-6.0, 6.0);
         if class.is_plane() {
             return Case::plane(class, &mut random);
         }
         let (radius, ratio) = match class {
             Class::Outside => (scale, random.decades(1e-3, 6.0)),
-            Class::Inside => (scale, random.uniform(0.0, 1.0)),
+            // Anywhere inside, or near the centre.
+            Class::Inside => (scale, random.uniform(0.0, 1.0).min(random.decades(-6.0, 3.0))),
             Class::Close => (scale, 1.0 + random.decades(-6.0, 0.0) * random.sign()),
             Class::Rim => (scale, random.decades(0.01, 4.0)),
             Class::Wall => (1e5, 1.0 - random.decades(-6.0, -4.0)),
