@@ -54,7 +54,7 @@ __kernel void tiles_seen(SCENE_PARAMS __global float *seen, __global uint *count
                 Vec3 p = surface.position;
                 // As photon_radiance: these gather nothing.
                 waiting = waiting && fabs(p.x) + fabs(p.y) + fabs(p.z) < 1e15f && scatters(SCENE hit.object);
-                Int face = hit.object * 2 + pick_i(surface.side < 0.0f, 1, 0);
+                Int face = face_left(surface);
                 while (any_lane(waiting)) {
                     int chosen = highest_i(waiting, face);
                     Bool own = waiting && face == chosen;

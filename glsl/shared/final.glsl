@@ -88,7 +88,7 @@ INLINE Vec3 final_gather(SCENE_PARAMS Surface from, Bool wanted, Uint key, int r
 
 // Which side of which object: sites of other faces do not count.
 INLINE Real face_of(Surface surface) {
-    return to_real(surface.object) * 2.0f + pick(surface.side < 0.0f, 1.0f, 0.0f);
+    return to_real(face_left(surface));
 }
 
 // Where a site of the lattice lies on the image plane, in pixels. One column and row lie beyond each border.

@@ -102,7 +102,7 @@ pub fn final_gather(scene: &SceneTables, gatherer: &Gatherer, from: &Surface, ke
 }
 
 fn face_of(surface: &Surface) -> f32 {
-    surface.object as f32 * 2.0 + if surface.side < 0.0 { 1.0 } else { 0.0 }
+    surface.face_left() as f32
 }
 
 /// Indirect irradiance at a visible point, seen through (x, y) of the image plane; `key` is the pixel's.
