@@ -238,7 +238,8 @@ impl Quanta {
     /// Quanta so small that 32 bits just hold all photons of `paths` paths in one place, 16 of each.
     pub fn of(emitters: &[Emitter], paths: u32) -> Quanta {
         let largest = emitters.iter().map(|e| e.power).fold(0.0, f32::max);
-        if largest <= 0.0 {
+        // What a quantum could not be told of is dark; of 1e-34 W it is the last that float32 holds the inverse of.
+        if largest < 1e-34 {
             return Quanta { per_watt: 0.0, watts: 0.0 };
         }
         // A power of two: dividing by it is exact.
