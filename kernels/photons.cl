@@ -48,7 +48,7 @@ __kernel void photons_last(WALK_PARAMS, uint wanted, __global uint *last_path) {
 }
 
 // The side of the object that a photon lands on: 2·object + (0 | 1).
-INLINE Real face_of(Surface surface) { return to_real(surface.object) * 2.0f + pick(surface.side < 0.0f, 1.0f, 0.0f); }
+INLINE Real face_of(Surface surface) { return to_real(face_left(surface)); }
 
 // What a photon leaves in the map, a table a property.
 #ifdef HAS_GLOSSY

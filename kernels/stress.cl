@@ -2,12 +2,19 @@
 #include "shim.cl"
 #ifdef STRESS_LEAKS
 #include "incoherent.cl"
+#define RECORDS_cases (FEW_RECORDS + 1) // always more than a few
 #endif
 #include "layout"
-#include "shared/vector.glsl"
 #include "shared/random.glsl"
+#ifdef CONTRACTED
+#include "rounding.cl"
+#endif
+#include "shared/vector.glsl"
 #include "shared/sampling.glsl"
 #include "shared/intersect.glsl"
+#ifdef CONTRACTED
+#define hit_plane(origin, direction, normal, offset, on) nudge(hit_plane(origin, direction, normal, offset, on))
+#endif
 #include "shared/faults.glsl"
 #include "shared/scene.glsl"
 #define CASE_PARAMS __global const float *cases,

@@ -46,7 +46,7 @@ __kernel void tiles_seen(SCENE_PARAMS __global float *seen, __global uint *count
             Bool inside = column < right && row < bottom;
             for (int s = 0; s < samples; s++) {
                 Vec3 direction = sample_direction(SCENE column, row, s);
-                Hit hit = closest_hit(SCENE frame_position(), direction, lanes_i(NO_OBJECT));
+                Hit hit = closest_hit(SCENE frame_position(), direction, lanes_i(NO_FACE));
                 Bool waiting = inside && hit.object >= 0;
                 hit.object = pick_i(waiting, hit.object, 0);
                 hit.t = pick(waiting, hit.t, 0.0f);
@@ -54,7 +54,7 @@ __kernel void tiles_seen(SCENE_PARAMS __global float *seen, __global uint *count
                 Vec3 p = surface.position;
                 // As photon_radiance: these gather nothing.
                 waiting = waiting && fabs(p.x) + fabs(p.y) + fabs(p.z) < 1e15f && scatters(SCENE hit.object);
-                Int face = hit.object * 2 + pick_i(surface.side < 0.0f, 1, 0);
+                Int face = face_left(surface);
                 while (any_lane(waiting)) {
                     int chosen = highest_i(waiting, face);
                     Bool own = waiting && face == chosen;

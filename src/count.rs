@@ -69,7 +69,7 @@ impl Beginning {
         let pool = Rc::new(pool.map_err(|error| Error::Device(format!("a thread: {error}")))?);
         let mut map = MapStage::on_host(pool);
         let emission = emission(&shortened);
-        map.upload(packed, features, &emission)?;
+        map.upload(packed, &features.of_photons(scene), &emission)?;
         let counts = map.emit(&emission)?;
         Ok(Beginning { counts, sample: map.sample(radius::SAMPLE)? })
     }

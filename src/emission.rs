@@ -249,7 +249,8 @@ impl Quanta {
     /// Quanta so small that 32 bits just hold all photons of `paths` paths in one place, 16 of each.
     pub fn of(emitters: &[Emitter], paths: u32) -> Quanta {
         let largest = emitters.iter().map(|e| e.power).fold(0.0, f32::max);
-        if largest <= 0.0 {
+        // What a quantum could not be told of is dark; of 1e-34 W it is the last that float32 holds the inverse of.
+        if largest < 1e-34 {
             return Quanta { per_watt: 0.0, watts: 0.0 };
         }
         // A power of two: dividing by it is exact.
@@ -333,7 +334,7 @@ fn distance(object: &Object, origin: DVec3, direction: DVec3, own: bool) -> Opti
     let anchor = DVec3::from(object.anchor.map(f64::from));
     let extent = f64::from(object.extent);
     let distance = if object.kind == PLANE {
-        if own { -1.0 } else { (extent - anchor.dot(origin)) / anchor.dot(direction) }
+        if own { f64::NAN } else { (extent - anchor.dot(origin)) / anchor.dot(direction) }
     } else {
         let approach = (anchor - origin).dot(direction);
         let half_chord = (extent * extent - (origin + direction * approach - anchor).length_squared()).sqrt();
@@ -347,6 +348,7 @@ fn distance(object: &Object, origin: DVec3, direction: DVec3, own: bool) -> Opti
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::parse;
 
     #[test]
     fn caps_leave_no_direction_out_in_which_something_is_hit() {
@@ -364,6 +366,31 @@ mod tests {
             }
             // And few more than it must: those that an object's border goes through.
             assert!(hit > 0 && kept < CELLS && (kept - hit) * 20 < CELLS, "{name}: {hit} {kept}");
+        }
+    }
+
+    #[test]
+    fn the_map_is_the_same_at_any_scale() {
+        let cells = |scale: f64| {
+            let text = format!(
+                "[camera]\nposition = [0, 0, {}]\nlook_at = [0, 0, 0]\n[materials.m]\ncolor = [1, 1, 1]\n\
+                 [[lights]]\nposition = [{}, {}, 0]\nintensity = [1, 1, 1]\n\
+                 [[planes]]\nnormal = [0, 1, 0]\noffset = {}\nmaterial = \"m\"\n\
+                 [[spheres]]\ncenter = [0, 0, 0]\nradius = {}\nmaterial = \"m\"\n",
+                8.0 * scale,
+                -6.0 * scale,
+                6.0 * scale,
+                -4.0 * scale,
+                2.0 * scale
+            );
+            let scene = parse(&text, "scaled").unwrap();
+            Plan::indirect(&Packed::new(&scene, scene.camera.position)).unwrap().cells
+        };
+        let here = cells(1.0);
+        assert!(here.iter().any(|entry| entry >> CELL_BITS & ((1 << PART_BITS) - 1) > 1), "nothing is worth more");
+        // Powers of two change no digit.
+        for exponent in [-30, 20, 30] {
+            assert!(cells(2f64.powi(exponent)) == here, "scale 2^{exponent}");
         }
     }
 }

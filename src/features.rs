@@ -5,7 +5,7 @@
 use glam::DVec3;
 
 use crate::layout::{LIGHTS_IN_UNIFORMS, OBJECTS_IN_UNIFORMS};
-use crate::scene::{Plane, Scene};
+use crate::scene::{Plane, Scene, Sphere};
 use crate::settings::{LightMode, Settings};
 
 /// How many lights the code is made for.
@@ -32,6 +32,8 @@ pub struct Features {
     pub sphere_shadows: bool,
     /// A plane may come between a visible point and a light.
     pub plane_shadows: bool,
+    /// Rays may meet a plane from behind or a sphere from within.
+    pub two_sided: bool,
     /// Some material has a GGX lobe.
     pub glossy: bool,
     /// Some material adds ambient radiance.
@@ -73,6 +75,8 @@ impl Features {
         let lights = if spheres + planes == 0 || photons_only { 0 } else { scene.lights.len() };
         let separating = if lights == 0 { 0 } else { separating_planes(scene).count() };
 
+        let two_sided = two_sided(scene, Some(scene.camera.position)).filter(|_| spheres + planes > 0);
+
         let features = Features {
             spheres: spheres > 0,
             planes: planes > 0,
@@ -83,6 +87,7 @@ impl Features {
             },
             sphere_shadows: spheres > 0 && lights > 0,
             plane_shadows: separating > 0,
+            two_sided: two_sided.is_some(),
             glossy: glossy > 0 && !scene.lights.is_empty(),
             ambient: ambient > 0,
             one_sample: settings.samples == 1 && !settings.jittered,
@@ -111,6 +116,11 @@ impl Features {
                 features.plane_shadows,
                 format!("{separating} of {planes} planes lie between the camera and a light"),
             ),
+            reason(
+                "HAS_TWO_SIDED",
+                features.two_sided,
+                two_sided.unwrap_or_else(|| "camera and lights are outside of all objects, on one side of each".into()),
+            ),
             reason("HAS_GLOSSY", features.glossy, format!("{glossy} objects with specular > 0")),
             reason("HAS_AMBIENT", features.ambient, format!("{ambient} objects with ambient > 0")),
             reason("ONE_SAMPLE", features.one_sample, format!("{} samples per pixel", settings.samples)),
@@ -123,6 +133,12 @@ impl Features {
             ),
         ];
         (features, reasons)
+    }
+
+    /// The same for the photons' walks, which know nothing of the camera: a map must not depend on where it was when
+    /// the map was made.
+    pub fn of_photons(&self, scene: &Scene) -> Features {
+        Features { two_sided: two_sided(scene, None).is_some(), ..*self }
     }
 
     /// The `#define`s of this permutation, in a fixed order.
@@ -141,6 +157,7 @@ impl Features {
         add(self.sphere_shadows, "HAS_SPHERE_SHADOWS");
         add(self.plane_shadows, "HAS_PLANE_SHADOWS");
         add(self.sphere_shadows || self.plane_shadows, "HAS_SHADOWS");
+        add(self.two_sided, "HAS_TWO_SIDED");
         add(self.glossy, "HAS_GLOSSY");
         add(self.ambient, "HAS_AMBIENT");
         add(self.one_sample, "ONE_SAMPLE");
@@ -154,8 +171,8 @@ impl Features {
         let mut reachable = Vec::new();
         for (spheres, planes) in GEOMETRIES {
             for lights in [Lights::None, Lights::One, Lights::Many] {
-                // The five flags that are left, as the bits of a number.
-                for bits in 0..1 << 5 {
+                // The six flags that are left, as the bits of a number.
+                for bits in 0..1 << 6 {
                     let flag = |bit: u32| bits >> bit & 1 == 1;
                     let lit = lights != Lights::None;
                     let features = Features {
@@ -168,11 +185,13 @@ impl Features {
                         ambient: flag(2),
                         one_sample: flag(3),
                         in_uniforms: flag(4),
+                        two_sided: flag(5),
                     };
                     let empty = !spheres && !planes;
                     // Without objects there still may be more lights than uniforms hold.
-                    let needs_objects = lit || features.ambient || features.glossy;
-                    let impossible = empty && needs_objects || features.plane_shadows && !(planes && lit);
+                    let needs_objects = lit || features.ambient || features.glossy || features.two_sided;
+                    let impossible =
+                        empty && needs_objects || features.plane_shadows && !(planes && lit && features.two_sided);
                     if !impossible {
                         reachable.push(features);
                     }
@@ -192,14 +211,44 @@ pub fn is_divided(scene: &Scene) -> bool {
 /// plane. Any other plane has every visible point and every light in one closed half-space, which is convex: the
 /// segment between them cannot cross it.
 fn separating_planes(scene: &Scene) -> impl Iterator<Item = &Plane> {
-    scene.planes.iter().filter(|plane| {
-        let side = |p: DVec3| {
-            let distance = plane.normal.dot(p) - plane.offset;
-            // 1e-5 of the numbers that cancel: float32 resolves them to 1e-7, so this is safely on one side.
-            let rounding = 1e-5 * (p.abs().dot(plane.normal.abs()) + plane.offset.abs());
-            if distance.abs() <= rounding { 0.0 } else { distance.signum() }
-        };
-        let camera = side(scene.camera.position);
-        scene.lights.iter().any(|light| side(light.position) * camera <= 0.0)
+    let near = scene.camera.position;
+    scene.planes.iter().filter(move |plane| {
+        let camera = side_of_plane(plane, near, near);
+        scene.lights.iter().any(|light| side_of_plane(plane, light.position, near) * camera <= 0.0)
     })
+}
+
+/// −1, +1, or 0 within rounding of the plane. Packed coordinates are small near `near`.
+fn side_of_plane(plane: &Plane, p: DVec3, near: DVec3) -> f64 {
+    let distance = plane.normal.dot(p) - plane.offset;
+    let offset = plane.offset - plane.normal.dot(near);
+    // 1e-5 of the numbers that cancel: float32 resolves them to 1e-7, so this is safely on one side.
+    let rounding = 1e-5 * ((p - near).abs().dot(plane.normal.abs()) + offset.abs());
+    if distance.abs() <= rounding { 0.0 } else { distance.signum() }
+}
+
+/// Whether a point lies outside of a sphere by more than rounding.
+fn is_outside(sphere: &Sphere, p: DVec3, near: DVec3) -> bool {
+    let sizes = (p - near).length() + (sphere.center - near).length() + sphere.radius;
+    // 16 times what float32 makes of it; spheres of 1e5 m, as walls, may be a metre off.
+    p.distance(sphere.center) - sphere.radius > 1e-6 * sizes
+}
+
+/// Why some rays may meet an object from its other side: all rays begin at the camera or a light, and none passes
+/// through a surface. None where camera and lights are outside of every sphere and on one side of every plane. Without
+/// a camera this tells of photons alone.
+fn two_sided(scene: &Scene, camera: Option<DVec3>) -> Option<String> {
+    // Normals are packed towards the first light.
+    let Some(first) = scene.lights.first() else { return Some("no light to tell the planes' sides".into()) };
+    let near = camera.unwrap_or(first.position);
+    let sources = || scene.lights.iter().map(|light| light.position).chain(camera);
+    let planes = scene.planes.iter().filter(|plane| {
+        let side = side_of_plane(plane, first.position, near);
+        sources().any(|p| side_of_plane(plane, p, near) * side <= 0.0)
+    });
+    let spheres = scene.spheres.iter().filter(|sphere| !sources().all(|p| is_outside(sphere, p, near)));
+    let (planes, spheres) = (planes.count(), spheres.count());
+    let who = if camera.is_some() { "camera and lights" } else { "lights" };
+    let why = format!("{who} on both sides of {planes} planes, or on them; in or on {spheres} spheres");
+    (planes + spheres > 0).then_some(why)
 }

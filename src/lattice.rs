@@ -72,7 +72,8 @@ fn reach(index: u32) -> f32 {
 fn points_per_watt(scene: &SceneTables, gather: &FinalGather) -> f32 {
     let intensity: f32 = scene.lights.iter().flat_map(|light| light.intensity).sum();
     let a_ray = gather.points as f32 / gather.rays as f32;
-    if intensity > 0.0 { a_ray / (4.0 * std::f32::consts::PI * intensity) } else { 0.0 }
+    // Of less light float32 does not hold the inverse; rays see what there is of it.
+    if intensity > 1e-34 { a_ray / (4.0 * std::f32::consts::PI * intensity) } else { 0.0 }
 }
 
 /// Where the next paths of the lights' sequence arrive; those that meet nothing, or what reflects nothing, are left out.

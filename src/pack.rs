@@ -44,10 +44,14 @@ impl Packed {
             .spheres
             .iter()
             .map(|s| object((s.center - origin).as_vec3().to_array(), s.radius, SPHERE, s.material));
-        let planes = scene
-            .planes
-            .iter()
-            .map(|p| object(p.normal.as_vec3().to_array(), p.offset - p.normal.dot(origin), PLANE, p.material));
+        // Normals towards the lights: nearly always all of them, and the camera, are on one side (see
+        // `Features::two_sided`).
+        let planes = scene.planes.iter().map(|p| {
+            let away = scene.lights.first().is_some_and(|light| p.normal.dot(light.position) < p.offset);
+            let facing = if away { -1.0 } else { 1.0 };
+            let offset = facing * (p.offset - p.normal.dot(origin));
+            object((p.normal * facing).as_vec3().to_array(), offset, PLANE, p.material)
+        });
         let materials = scene.spheres.iter().map(|s| s.material).chain(scene.planes.iter().map(|p| p.material));
         let glass = |m: usize| {
             let material = &scene.materials[m];

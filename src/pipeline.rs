@@ -313,7 +313,7 @@ impl Pipeline {
         if let (Some(gather), true) = (final_gather, stale(Stage::Photons)) {
             let emission = emission(settings);
             if stale(Stage::Upload) || stale(Stage::Compile) {
-                self.irradiance.upload(&packed, &features, &emission, gather.texels)?;
+                self.irradiance.upload(&packed, &features.of_photons(scene), &emission, gather.texels)?;
                 times.compile += lap.ms();
             }
             photons = Some(self.irradiance.emit(&emission)?);
@@ -322,7 +322,7 @@ impl Pipeline {
         if wants_map {
             if stale(Stage::Photons) {
                 let emission = emission(settings);
-                self.map.upload(&packed, &features, &emission)?;
+                self.map.upload(&packed, &features.of_photons(scene), &emission)?;
                 times.compile += lap.ms();
                 photons = Some(self.map.emit(&emission)?);
                 times.emit = lap.ms();

@@ -39,6 +39,7 @@ const FILES: &[(&str, &str)] = &[
     ("probe.frag", include_str!("../glsl/probe.frag")),
     ("shim.cl", include_str!("../kernels/shim.cl")),
     ("incoherent.cl", include_str!("../kernels/incoherent.cl")),
+    ("rounding.cl", include_str!("../kernels/rounding.cl")),
     ("trace.cl", include_str!("../kernels/trace.cl")),
     ("group.cl", include_str!("../kernels/group.cl")),
     ("probe.cl", include_str!("../kernels/probe.cl")),
@@ -56,7 +57,9 @@ const FILES: &[(&str, &str)] = &[
 /// Names that `plan --source` accepts: all that is compiled on its own.
 pub fn units() -> Vec<&'static str> {
     let whole = |name: &str| {
-        !name.contains('/') && !name.starts_with("shim") && !["incoherent.cl", "paths.cl", "group.cl"].contains(&name)
+        !name.contains('/')
+            && !name.starts_with("shim")
+            && !["incoherent.cl", "rounding.cl", "paths.cl", "group.cl"].contains(&name)
     };
     FILES.iter().map(|(name, _)| *name).filter(|name| whole(name)).collect()
 }
@@ -74,6 +77,8 @@ pub struct Options {
     pub inject: Option<String>,
     /// The table whose fields `validate` reads.
     pub table: &'static str,
+    /// Products and sums may become one operation in OpenCL, as some devices' compilers have it anyway.
+    pub contracted: bool,
 }
 
 impl Default for Options {
@@ -84,6 +89,7 @@ impl Default for Options {
             defines: Vec::new(),
             inject: None,
             table: "objects",
+            contracted: false,
         }
     }
 }
@@ -97,6 +103,8 @@ pub struct Source {
     pub permutation: String,
     /// What the driver gets.
     pub text: String,
+    /// See [`Options::contracted`].
+    pub contracted: bool,
     /// For each line of `text` (from 0): file and line (from 1).
     lines: Vec<(&'static str, usize)>,
 }
@@ -121,7 +129,13 @@ fn assemble_root(
     append_root: impl FnOnce(&mut Source),
 ) -> Source {
     let glsl = !unit.ends_with(".cl");
-    let mut source = Source { unit: unit.into(), permutation: String::new(), text: String::new(), lines: Vec::new() };
+    let mut source = Source {
+        unit: unit.into(),
+        permutation: String::new(),
+        text: String::new(),
+        contracted: options.contracted,
+        lines: Vec::new(),
+    };
     let mut header = String::new();
     if glsl {
         header.push_str("#version 330 core\n");
@@ -133,6 +147,7 @@ fn assemble_root(
     let mut defines =
         features.map(|f| f.defines()).unwrap_or_default().into_iter().map(String::from).collect::<Vec<_>>();
     defines.extend(options.defines.iter().cloned());
+    defines.extend(options.contracted.then(|| "CONTRACTED".to_string()));
     for define in &defines {
         writeln!(header, "#define {define}").expect("writing to a string");
     }

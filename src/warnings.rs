@@ -44,8 +44,7 @@ pub fn of(scene: &Scene, settings: &Settings, radius: Option<f32>) -> Vec<String
     let away = scene.lights.iter().map(|light| light.position.distance(camera)).fold(0.0, f64::max);
     if scene.planes.len() > 2 && 4.0 * ULP * away > 1e-4 * room {
         warnings.push(format!(
-            "the camera is {away:.1e} m from a room of {room:.1e} m: float32 knows its walls to {:.1e} of it, and a ray in a \
-             hundred thousand gets past their edges",
+            "the camera is {away:.1e} m from a room of {room:.1e} m: float32 knows its walls to {:.1e} of it",
             4.0 * ULP * away / room
         ));
     }

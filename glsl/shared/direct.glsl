@@ -21,7 +21,7 @@ INLINE Incident incident_light(SCENE_PARAMS Surface surface, int light) {
 #ifdef HAS_SHADOWS
     if (any_lane(incident.lit))
         incident.lit = incident.lit && !occluded(SCENE surface.position, light_position_same(light), incident.to_light,
-                                                distance, surface.object, NO_OBJECT);
+                                                distance, face_left(surface), NO_OBJECT);
 #endif
     incident.irradiance = scale3(light_intensity_same(light), incident.cosine / distance2);
     return incident;

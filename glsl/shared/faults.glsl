@@ -2,7 +2,7 @@
 
 #ifdef FAULT_NAIVE_SPHERE
 // The school's formula: b² − c cancels for small and far spheres, and −b + √ for near roots.
-Real naive_sphere(Vec3 origin, Vec3 direction, Vec3 center, Real radius, Bool origin_on) {
+Real naive_sphere(Vec3 origin, Vec3 direction, Vec3 center, Real radius, Bool origin_on, Bool behind) {
     Vec3 from_center = sub3(origin, center);
     Real b = dot3(from_center, direction);
     Real c = dot3(from_center, from_center) - radius * radius;

@@ -39,7 +39,7 @@ INLINE Vec3 from_lit_points(SCENE_PARAMS Surface to, Bool wanted, float fewer) {
         // A plane does not see itself, whatever rounding says.
         Bool lit = wanted && cosine > 0.0f && cosine_there > 0.0f && (to.object != object || object < SPHERE_COUNT);
 #ifdef HAS_SHADOWS
-        if (any_lane(lit)) lit = lit && !occluded(SCENE to.position, position, direction, distance, to.object, object);
+        if (any_lane(lit)) lit = lit && !occluded(SCENE to.position, position, direction, distance, face_left(to), object);
 #endif
         Real facing = cosine * cosine_there * INV_PI;
         Real density = lit_point_density_same(i) * fewer;
@@ -62,7 +62,7 @@ INLINE Vec3 final_gather(SCENE_PARAMS Surface from, Bool wanted, Uint key, int r
         Uint height = sequence_u(index, R2_STEP_0, height_shift);
         Uint turn = sequence_u(index, R2_STEP_1, turn_shift);
         Vec3 direction = sample_cosine(from.normal, height, turn);
-        Hit hit = closest_hit(SCENE from.position, direction, from.object);
+        Hit hit = closest_hit(SCENE from.position, direction, face_left(from));
         Bool visible = hit.object >= 0 && wanted;
         if (any_lane(visible)) {
             hit.object = pick_i(visible, hit.object, 0);
@@ -88,7 +88,7 @@ INLINE Vec3 final_gather(SCENE_PARAMS Surface from, Bool wanted, Uint key, int r
 
 // Which side of which object: sites of other faces do not count.
 INLINE Real face_of(Surface surface) {
-    return to_real(surface.object) * 2.0f + pick(surface.side < 0.0f, 1.0f, 0.0f);
+    return to_real(face_left(surface));
 }
 
 // Where a site of the lattice lies on the image plane, in pixels. One column and row lie beyond each border.

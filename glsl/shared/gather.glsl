@@ -420,7 +420,7 @@ Vec3 photon_radiance(SCENE_PARAMS Surface surface, Vec3 to_viewer, Bool wanted, 
 #else
     query.alpha = lanes(1.0f);
 #endif
-    Int face = surface.object * 2 + pick_i(surface.side < 0.0f, 1, 0);
+    Int face = face_left(surface);
     Vec3 p = surface.position;
     // Beyond any photon, where squares would overflow.
     wanted = wanted && fabs(p.x) + fabs(p.y) + fabs(p.z) < 1e15f;

@@ -6,7 +6,7 @@ Vec3 radiance_along(SCENE_PARAMS Sample at, Int tile) {
     Vec3 direction = camera_direction(SCENE at.x, at.y);
     Vec3 radiance = make3(lanes(0.0f), lanes(0.0f), lanes(0.0f));
 #ifdef HAS_OBJECTS
-    Hit hit = closest_hit(SCENE origin, direction, lanes_i(NO_OBJECT));
+    Hit hit = closest_hit(SCENE origin, direction, lanes_i(NO_FACE));
     Bool visible = hit.object >= 0;
 #ifdef GATHER_GROUP
     // A group's work-items come to its barriers together.

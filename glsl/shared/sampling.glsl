@@ -30,8 +30,16 @@ INLINE Vec3 sample_sphere(Uint height, Uint turn) { return sphere_at(1.0f - 2.0f
 // tangents.
 INLINE Vec3 sample_cosine(Vec3 normal, Uint height, Uint turn) {
     Vec3 d = add3(normal, sample_sphere(height, turn));
-    // Once in 10¹² draws the sum vanishes; then it stays short instead of becoming NaN.
-    return scale3(d, 1.0f / sqrt(max(dot3(d, d), lanes(1.0e-20f))));
+    Real length2 = dot3(d, d);
+    // A short sum is rounding more than direction: it may point into the surface, and opposite the pole, once in 2²⁴
+    // draws, it vanishes. Its part along the normal is half its squared length, though, and that is known well.
+    Bool grazing = length2 < 1.0e-5f;
+    if (any_lane(grazing)) {
+        Real lift = 0.5f * max(length2, lanes(1.0e-10f)) - dot3(d, normal);
+        d = pick3(grazing, add3(d, scale3(normal, lift)), d);
+        length2 = dot3(d, d);
+    }
+    return scale3(d, 1.0f / sqrt(length2));
 }
 
 #ifdef HAS_GLOSSY

@@ -1,6 +1,12 @@
 // The scene as rays see it: spheres are objects 0 … S−1, planes S … S+P−1.
 
 #define NO_OBJECT (-1)
+#define NO_FACE (-1)
+
+// Faces: object i has face 2i, where its normal points, and 2i + 1 behind. A ray that starts on a surface names the
+// face that it leaves.
+#define OBJECT_OF(face) ((face) >> 1)
+#define IS_BEHIND(face) (((face) & 1) != 0)
 
 #define SPHERE_COUNT count_of(frame_sphere_count())
 #define PLANE_COUNT count_of(frame_plane_count())
@@ -13,21 +19,22 @@
 STRUCT(Hit)
 struct Hit {
     Real t;     // distance, INFINITE when nothing is hit
-    Real next;  // distance of what would be hit without this object, INFINITE likewise
     Int object; // NO_OBJECT when nothing is hit
+    Int from;   // face that the ray leaves, or NO_FACE
 };
 
-// First object along the ray; `origin_object` is the one that the ray starts on (or NO_OBJECT).
-Hit closest_hit(SCENE_PARAMS Vec3 origin, Vec3 direction, Int origin_object) {
+// First object along the ray; `origin_face` is the one that the ray leaves (or NO_FACE).
+Hit closest_hit(SCENE_PARAMS Vec3 origin, Vec3 direction, Int origin_face) {
+    Int origin_object = OBJECT_OF(origin_face);
+    Bool behind = IS_BEHIND(origin_face);
     Hit hit;
     hit.t = lanes(INFINITE);
-    hit.next = lanes(INFINITE);
     hit.object = lanes_i(NO_OBJECT);
+    hit.from = origin_face;
 #ifdef HAS_SPHERES
     for (int i = 0; i < SPHERE_COUNT; i++) {
-        Real t = hit_sphere(origin, direction, object_anchor_same(i), object_extent_same(i), origin_object == i);
+        Real t = hit_sphere(origin, direction, object_anchor_same(i), object_extent_same(i), origin_object == i, behind);
         Bool closer = t < hit.t;
-        hit.next = min(hit.next, max(t, hit.t));
         hit.t = pick(closer, t, hit.t);
         hit.object = pick_i(closer, i, hit.object);
     }
@@ -36,7 +43,6 @@ Hit closest_hit(SCENE_PARAMS Vec3 origin, Vec3 direction, Int origin_object) {
     for (int i = SPHERE_COUNT; i < SPHERE_COUNT + PLANE_COUNT; i++) {
         Real t = hit_plane(origin, direction, object_anchor_same(i), object_extent_same(i), origin_object == i);
         Bool closer = t < hit.t;
-        hit.next = min(hit.next, max(t, hit.t));
         hit.t = pick(closer, t, hit.t);
         hit.object = pick_i(closer, i, hit.object);
     }
@@ -49,15 +55,17 @@ Hit closest_hit(SCENE_PARAMS Vec3 origin, Vec3 direction, Int origin_object) {
 // (NO_OBJECT for a light). Both ends face each other, so neither end's own object, convex as all are, comes between.
 // Planes are only asked where one separates the camera from a light: no other can come between a visible point and
 // its light, or what that light sees.
-Bool occluded(SCENE_PARAMS Vec3 origin, Vec3 light, Vec3 direction, Real distance, Int origin_object, int target_object) {
+Bool occluded(SCENE_PARAMS Vec3 origin, Vec3 light, Vec3 direction, Real distance, Int origin_face, int target_object) {
+    Int origin_object = OBJECT_OF(origin_face);
     // Half an ulp of the distance: a light that lies on a sphere is not shadowed by it.
     Real reach = distance * 0.9999999f;
     Bool blocked = NO_LANE;
 #ifdef HAS_SPHERE_SHADOWS
     for (int i = 0; i < SPHERE_COUNT; i++) {
         if (i == target_object) continue;
-        blocked = blocked ||
-            hit_sphere(origin, direction, object_anchor_same(i), object_extent_same(i), origin_object == i) < reach;
+        Real t = hit_sphere(origin, direction, object_anchor_same(i), object_extent_same(i), origin_object == i,
+                            IS_BEHIND(origin_face));
+        blocked = blocked || t < reach;
     }
 #endif
 #ifdef HAS_PLANE_SHADOWS
@@ -79,34 +87,60 @@ Bool occluded(SCENE_PARAMS Vec3 origin, Vec3 light, Vec3 direction, Real distanc
 // A point on a surface with all that shading needs.
 STRUCT(Surface)
 struct Surface {
-    Vec3 position; // scene space, back on the surface to an ulp, on the ray's side of every plane
+    Vec3 position; // scene space, back on the surface to an ulp
     Vec3 normal;   // unit, towards the side the ray came from
     Int object;
     Real side;     // +1 on the side that the stored normal points to, else −1
 };
 
-#ifdef HAS_PLANES
-// A hit an ulp beside an edge may come to lie beyond the other plane, and a ray that goes on from there would leave a
-// closed room (measured: one of 2·10⁷). Such a point is put back to the side on which the ray travelled.
+// What a ray that goes on from here leaves.
+Int face_left(Surface surface) { return surface.object * 2 + pick_i(surface.side < 0.0f, 1, 0); }
+
+#ifdef HAS_TWO_SIDED
+// Sum of a point's coordinates: what rounding is measured by.
+Real size_of(Vec3 p) { return fabs(p.x) + fabs(p.y) + fabs(p.z); }
+
+#define MARGIN 1e-6f // of a point's size, eight ulps: so far from all other surfaces that its side is known
+#define UNSURE 6e-7f // nearer than this it is moved; computing a side is wrong by 2.5e-7 at most
+
+// A hit beside an edge or a contact may come to lie beyond the other surface, and a ray that goes on from there would
+// leave a closed room. So it is put to the side of every other surface from which the ray came. (OBJECTS_ALONE: each
+// object is a scene of its own, in `photile stress`.)
 INLINE Vec3 keep_side(SCENE_PARAMS Vec3 origin, Vec3 direction, Hit hit, Vec3 position) {
-    Real size = fabs(origin.x) + fabs(origin.y) + fabs(origin.z) + hit.t;
-    // Rounding reaches a few 1e-7 of the size past a plane; even at a grazing 1e-3 that is this far along the ray.
-    // The edge is one with what the ray would meet next, or with what it has just left.
-    Bool close = min(hit.next - hit.t, hit.t) < 5e-4f * size;
-    if (!any_lane(close)) return position;
+    Real leaves = pick(IS_BEHIND(hit.from), -1.0f, 1.0f);
+#ifdef HAS_SPHERES
+    for (int i = 0; i < SPHERE_COUNT; i++) {
+        Vec3 center = object_anchor_same(i);
+        Real radius = object_extent_same(i);
+        Vec3 away = sub3(position, center);
+        Real radius2 = radius * radius;
+        Real here = dot3(away, away) - radius2;
+        Real reach = radius + size_of(position);
+        Bool near_by = hit.object != i && fabs(here) < 4.0f * UNSURE * radius * reach;
+        if (!any_lane(near_by)) continue;
+        Vec3 before = sub3(origin, center);
+        Real there = dot3(before, before) - radius2;
+        // Of a camera on the sphere, the direction tells the side.
+        there = pick(fabs(there) <= UNSURE * radius2, dot3(before, direction), there);
+        there = pick(OBJECT_OF(hit.from) == i, leaves, copysign(lanes(1.0f), there));
+        near_by = near_by && here * there < 2.0f * UNSURE * radius * reach;
+        Real push = (there * MARGIN * reach - here / (2.0f * radius)) / radius;
+        position = pick3(near_by, add3(position, scale3(away, push)), position);
+    }
+#endif
+#ifdef HAS_PLANES
     for (int i = SPHERE_COUNT; i < SPHERE_COUNT + PLANE_COUNT; i++) {
         Vec3 normal = object_anchor_same(i);
         Real offset = object_extent_same(i);
         Real here = dot3(normal, position) - offset;
         Real there = dot3(normal, origin) - offset;
-        // Of what the ray starts on, the direction knows the side.
-        there = pick(fabs(there) < 5e-7f * size, dot3(normal, direction), there);
-        // On the plane is beyond it: the next ray would not meet it at a distance of 0.
-        Bool beyond = close && hit.object != i && here * there <= 0.0f;
-        // Back, and eight ulps farther: then its side is known on the next ray too.
-        Real push = copysign(fabs(here) + 1e-6f * size, there);
-        position = pick3(beyond, add3(position, scale3(normal, push)), position);
+        there = pick(fabs(there) <= 2.5e-7f * size_of(origin), dot3(normal, direction), there);
+        there = pick(OBJECT_OF(hit.from) == i, leaves, copysign(lanes(1.0f), there));
+        Real size = size_of(position);
+        Bool unsure = hit.object != i && here * there < UNSURE * size;
+        position = pick3(unsure, add3(position, scale3(normal, there * MARGIN * size - here)), position);
     }
+#endif
     return position;
 }
 #endif
@@ -132,11 +166,21 @@ INLINE Surface surface_at(SCENE_PARAMS Vec3 origin, Vec3 direction, Hit hit) {
     surface.normal = anchor;
     surface.position = add3(p, scale3(anchor, extent - dot3(anchor, p)));
 #endif
-#ifdef HAS_PLANES
+#ifdef HAS_TWO_SIDED
+#ifndef OBJECTS_ALONE
     surface.position = keep_side(SCENE origin, direction, hit, surface.position);
 #endif
     Bool from_behind = dot3(surface.normal, direction) > 0.0f;
+#ifdef HAS_SPHERES
+    // Where a ray grazes a sphere that angle is rounding: where the ray starts tells, as it did the root.
+    Vec3 from_center = sub3(origin, anchor);
+    Bool inside = OBJECT_OF(hit.from) == hit.object || !(dot3(from_center, from_center) > extent * extent);
+    from_behind = pick_b(hit.object < SPHERE_COUNT, inside, from_behind);
+#endif
     surface.normal = pick3(from_behind, negate3(surface.normal), surface.normal);
     surface.side = pick(from_behind, -1.0f, 1.0f);
+#else
+    surface.side = lanes(1.0f);
+#endif
     return surface;
 }

@@ -12,7 +12,7 @@ INLINE GatheredSite gather_site(SCENE_PARAMS Int number) {
     Int column = number - row * columns;
     Vec3 direction = camera_direction(SCENE site_x(SCENE column), site_y(SCENE row));
     Vec3 origin = frame_position();
-    Hit hit = closest_hit(SCENE origin, direction, lanes_i(NO_OBJECT));
+    Hit hit = closest_hit(SCENE origin, direction, lanes_i(NO_FACE));
     Bool visible = hit.object >= 0;
     hit.object = pick_i(visible, hit.object, 0);
     hit.t = pick(visible, hit.t, 0.0f);

@@ -22,12 +22,12 @@ INLINE Answer stress(SCENE_PARAMS CASE_PARAMS Int i) {
     Vec3 anchor = object_anchor(i);
     Real extent = object_extent(i);
     Bool is_sphere = i < SPHERE_COUNT;
-    Real to_sphere = hit_sphere(origin, direction, anchor, extent, on);
+    Real to_sphere = hit_sphere(origin, direction, anchor, extent, on, on);
     Real to_plane = hit_plane(origin, direction, anchor, extent, on);
     Hit hit;
     hit.t = pick(is_sphere, to_sphere, to_plane);
-    hit.next = lanes(INFINITE);
     hit.object = i;
+    hit.from = pick_i(on, i * 2 + 1, NO_FACE);
     Surface surface = surface_at(SCENE origin, direction, hit);
     Answer answer;
     answer.a = bits_of(hit.t);
@@ -42,9 +42,32 @@ INLINE Answer stress(SCENE_PARAMS CASE_PARAMS Int i) {
 }
 
 #elif defined(STRESS_LEAKS)
+// 2 to the power of −(bits mod 27): from a whole room down to less than an ulp of it.
+INLINE Real fraction_u(Uint bits) { return from_bits((127u - bits % 27u) << 23u); }
+
+// A direction to where rounding matters: near a contact of two objects, or an edge of the box. Case 5 + 2j is such a
+// place, the next one the way along it; case 4 is (number of them, size of the room). Every fourth ray also hugs the
+// surface that it leaves. What would go into that surface is left as it is.
+INLINE Vec3 aimed(CASE_PARAMS Surface surface, Uint key, Vec3 otherwise) {
+    Uint places = lanes_u(uint_of(FETCH1_SCALAR(cases, 4, 1, 0, 0)));
+    Real size = FETCH1_SAME(cases, 4, 1, 0, 1);
+    Int place = to_int(hash_u(key + 3u) % places);
+    Vec3 along = FETCH3(cases, place * 2 + 6, 1, 0);
+    Vec3 target = add3(FETCH3(cases, place * 2 + 5, 1, 0), scale3(along, unit_real(hash_u(key + 4u))));
+    Vec3 beside = scale3(sample_sphere(hash_u(key + 5u), hash_u(key + 6u)), size * fraction_u(hash_u(key + 7u)));
+    Vec3 way = sub3(add3(target, beside), surface.position);
+    Vec3 direction = scale3(way, 1.0f / sqrt(max(dot3(way, way), lanes(1.0e-30f))));
+    Uint bits = hash_u(key + 8u);
+    Real lift = fraction_u(bits >> 2u) - dot3(direction, surface.normal);
+    Vec3 hugging = normalize3(add3(direction, scale3(surface.normal, lift)));
+    direction = pick3((bits & 3u) == 0u, hugging, direction);
+    return pick3(dot3(direction, surface.normal) > 0.0f, direction, otherwise);
+}
+
 // Walks from a point in a closed box: cases hold the box's lowest and highest corner, (tolerance, rays, seed), the
-// point. Counted are rays, those that hit nothing, those that hit the surface they leave, points outside the box,
-// points inside a sphere.
+// point, then the places. Odd items aim half of their rays. Counted are rays, those that hit nothing, those that hit
+// the surface they leave, points outside the box, points inside a sphere; then comes the first ray so lost, from 1.
+// STRESS_REPLAY instead tells the last ray's origin and direction, what it left and what it hit.
 INLINE Answer stress(SCENE_PARAMS CASE_PARAMS Int i) {
     Vec3 low = FETCH3_SAME(cases, 0, 1, 0);
     Vec3 high = FETCH3_SAME(cases, 1, 1, 0);
@@ -65,13 +88,22 @@ INLINE Answer stress(SCENE_PARAMS CASE_PARAMS Int i) {
     answer.h = none;
     Vec3 position = start;
     Vec3 direction = sample_sphere(hash_u(key + 1u), hash_u(key + 2u));
-    Int object = lanes_i(NO_OBJECT);
-    Bool outside_of_it = lanes_i(0) != 0;
+    Int face = lanes_i(NO_FACE);
     for (int ray = 0; ray < rays; ray++) {
         key = hash_u(key);
-        Hit hit = closest_hit(SCENE position, direction, object);
+        Hit hit = closest_hit(SCENE position, direction, face);
+#ifdef STRESS_REPLAY
+        answer.a = bits_of(position.x);
+        answer.b = bits_of(position.y);
+        answer.c = bits_of(position.z);
+        answer.d = bits_of(direction.x);
+        answer.e = bits_of(direction.y);
+        answer.f = bits_of(direction.z);
+        answer.g = to_uint(face);
+        answer.h = to_uint(hit.object);
+#endif
         Bool escaped = hit.object < 0;
-        Bool own = !escaped && hit.object == object && (outside_of_it || object >= SPHERE_COUNT);
+        Bool own = !escaped && hit.object == OBJECT_OF(face) && (!IS_BEHIND(face) || hit.object >= SPHERE_COUNT);
         hit.object = pick_i(escaped, 0, hit.object);
         hit.t = pick(escaped, 0.0f, hit.t);
         Surface surface = surface_at(SCENE position, direction, hit);
@@ -79,20 +111,29 @@ INLINE Answer stress(SCENE_PARAMS CASE_PARAMS Int i) {
         Bool outside = p.x < low.x - tolerance || p.y < low.y - tolerance || p.z < low.z - tolerance ||
             p.x > high.x + tolerance || p.y > high.y + tolerance || p.z > high.z + tolerance;
         Bool inside = hit.object < SPHERE_COUNT && surface.side < 0.0f;
+        for (int k = 0; k < SPHERE_COUNT; k++) {
+            Vec3 away = sub3(p, object_anchor_same(k));
+            Real depth = max(object_extent_same(k) - tolerance, lanes(0.0f));
+            inside = inside || dot3(away, away) < depth * depth;
+        }
         outside = outside && !escaped;
         inside = inside && !escaped;
+        Bool lost = escaped || own || outside || inside;
+#ifndef STRESS_REPLAY
         answer.a += one;
         answer.b += pick_u(escaped, one, none);
         answer.c += pick_u(own, one, none);
         answer.d += pick_u(outside, one, none);
         answer.e += pick_u(inside, one, none);
-        Bool lost = escaped || own || outside || inside;
+        answer.f = pick_u(lost && answer.f == 0u, lanes_u(uint_of(ray)) + 1u, answer.f);
+#endif
         Vec3 onward = sample_cosine(surface.normal, hash_u(key + 1u), hash_u(key + 2u));
+        Bool aims = (i & 1) != 0 && (hash_u(key + 9u) & 1u) != 0u;
+        if (any_lane(aims)) onward = pick3(aims, aimed(CASES surface, key, onward), onward);
         Vec3 anew = sample_sphere(hash_u(key + 1u), hash_u(key + 2u));
         direction = pick3(lost, anew, onward);
         position = pick3(lost, start, p);
-        object = pick_i(lost, NO_OBJECT, hit.object);
-        outside_of_it = !lost && surface.side > 0.0f;
+        face = pick_i(lost, NO_FACE, face_left(surface));
     }
     return answer;
 }

@@ -7,7 +7,7 @@ struct Photon {
     Vec3 direction; // unit
     Vec3 throughput; // relative to `power`
     Real power;     // W
-    Int object;     // that it comes from, NO_OBJECT for a light
+    Int face;       // that it leaves, NO_FACE for a light
     Int bounce;     // 0 until the first hit
     Uint key;       // of this bounce's numbers
     Uint height;    // the first bounce's numbers, from the sequence
@@ -20,7 +20,7 @@ INLINE Uint number_u(Uint key, uint dimension) { return hash_u(key + dimension *
 // `path` counts from 0 over all lights; `stream` is the hash of seed and pass.
 INLINE Photon emit_photon(SCENE_PARAMS EMISSION_PARAMS Uint path, Uint stream) {
     Photon photon;
-    photon.object = lanes_i(NO_OBJECT);
+    photon.face = lanes_i(NO_FACE);
     photon.bounce = lanes_i(0);
     photon.key = hash_u(path ^ stream);
 #ifdef ONE_EMITTER
@@ -131,7 +131,7 @@ INLINE Scattered scatter(Photon photon, Surface surface, Material material) {
 #endif
     scattered.photon.power = photon.power;
     scattered.photon.position = surface.position;
-    scattered.photon.object = surface.object;
+    scattered.photon.face = face_left(surface);
     scattered.photon.bounce = photon.bounce + 1;
     scattered.photon.key = hash_u(photon.key);
     scattered.photon.height = photon.height;
@@ -145,7 +145,7 @@ INLINE Photon no_photon() {
     p.direction = p.position;
     p.throughput = p.position;
     p.power = lanes(0.0f);
-    p.object = lanes_i(NO_OBJECT);
+    p.face = lanes_i(NO_FACE);
     p.bounce = lanes_i(0);
     p.key = lanes_u(0u);
     p.height = p.key;
@@ -159,7 +159,7 @@ INLINE Photon pick_photon(Bool c, Photon a, Photon b) {
     p.direction = pick3(c, a.direction, b.direction);
     p.throughput = pick3(c, a.throughput, b.throughput);
     p.power = pick(c, a.power, b.power);
-    p.object = pick_i(c, a.object, b.object);
+    p.face = pick_i(c, a.face, b.face);
     p.bounce = pick_i(c, a.bounce, b.bounce);
     p.key = pick_u(c, a.key, b.key);
     p.height = pick_u(c, a.height, b.height);
@@ -178,7 +178,7 @@ struct Step {
 
 INLINE Step walk(SCENE_PARAMS Photon photon) {
     Step step;
-    Hit hit = closest_hit(SCENE photon.position, photon.direction, photon.object);
+    Hit hit = closest_hit(SCENE photon.position, photon.direction, photon.face);
     Bool visible = hit.object >= 0;
     hit.object = pick_i(visible, hit.object, 0);
     hit.t = pick(visible, hit.t, 0.0f);

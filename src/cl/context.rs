@@ -124,7 +124,8 @@ impl Context {
     fn build(&self, source: &Source) -> Result<Program> {
         let mut program = Program::create_from_source(&self.context, &source.text)
             .map_err(|e| failed(&format!("program {}", source.unit), e))?;
-        program.build(self.context.devices(), "-cl-std=CL1.2").map_err(|error| {
+        let options = if source.contracted { "-cl-std=CL1.2 -cl-mad-enable" } else { "-cl-std=CL1.2" };
+        program.build(self.context.devices(), options).map_err(|error| {
             let log = program.get_build_log(self.device.id).unwrap_or_default();
             let log = if log.trim().is_empty() { error.to_string() } else { source.map_log(&log) };
             Error::Build {

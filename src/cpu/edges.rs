@@ -31,7 +31,7 @@ fn seen(scene: &SceneTables, frame: &Frame, x: f32, y: f32) -> Option<(usize, bo
     let shines = |light: Vec3| {
         let towards = light - surface.position;
         let distance = towards.length();
-        !scene.occluded(surface.position, light, towards / distance, distance, surface.object, None)
+        !scene.occluded(surface.position, light, towards / distance, distance, surface.face_left(), None)
     };
     let lights = if scene.features.lights == Lights::None { &[] } else { scene.lights };
     let lit = lights.iter().map(|light| shines(light.position.into())).collect();

@@ -50,7 +50,7 @@ fn from_lit_points(scene: &SceneTables, gatherer: &Gatherer, to: &Surface, fewer
         let cosine = to.normal.dot(direction);
         let cosine_there = 0.0 - Vec3::from(point.normal).dot(direction);
         let faces = cosine > 0.0 && cosine_there > 0.0 && (to.object != object || object < scene.sphere_count);
-        if faces && !scene.occluded(to.position, position, direction, distance, to.object, Some(object)) {
+        if faces && !scene.occluded(to.position, position, direction, distance, to.face_left(), Some(object)) {
             let facing = cosine * cosine_there * FRAC_1_PI;
             let density = point.density * fewer;
             sum += Vec3::from(point.irradiance) * (share_of_rays(facing, density, distance2) * fewer);
@@ -93,7 +93,7 @@ pub fn final_gather(scene: &SceneTables, gatherer: &Gatherer, from: &Surface, ke
         let height = sequence_u(index, R2_STEPS[0], height_shift);
         let turn = sequence_u(index, R2_STEPS[1], turn_shift);
         let direction = sample_cosine(from.normal, height, turn);
-        if let Some(hit) = scene.closest_hit(from.position, direction, Some(from.object)) {
+        if let Some(hit) = scene.closest_hit(from.position, direction, Some(from.face_left())) {
             let seen = scene.surface_at(from.position, direction, hit);
             sum += radiance_seen(scene, gatherer, from, direction, hit.t, &seen, fewer);
         }
@@ -102,7 +102,7 @@ pub fn final_gather(scene: &SceneTables, gatherer: &Gatherer, from: &Surface, ke
 }
 
 fn face_of(surface: &Surface) -> f32 {
-    surface.object as f32 * 2.0 + if surface.side < 0.0 { 1.0 } else { 0.0 }
+    surface.face_left() as f32
 }
 
 /// Indirect irradiance at a visible point, seen through (x, y) of the image plane; `key` is the pixel's.

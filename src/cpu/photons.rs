@@ -53,7 +53,7 @@ pub fn walk_photons(
 ) {
     let mut next = Some(emit_photon(plan, emitters, emission.sampler, path, stream));
     while let Some(photon) = next {
-        let Some(hit) = scene.closest_hit(photon.position, photon.direction, photon.object) else { break };
+        let Some(hit) = scene.closest_hit(photon.position, photon.direction, photon.face) else { break };
         let surface = scene.surface_at(photon.position, photon.direction, hit);
         let object = &scene.objects[surface.object];
         let keeps = object.diffuse > 0.0 || (object.specular > 0.0 && object.roughness > 0.0);

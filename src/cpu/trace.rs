@@ -32,7 +32,8 @@ pub fn incident_light(scene: &SceneTables, surface: &Surface, light: &Light) -> 
     let to_light = towards * (1.0 / distance);
     let cosine = surface.normal.dot(to_light);
     let position = light.position.into();
-    let lit = cosine > 0.0 && !scene.occluded(surface.position, position, to_light, distance, surface.object, None);
+    let lit =
+        cosine > 0.0 && !scene.occluded(surface.position, position, to_light, distance, surface.face_left(), None);
     let irradiance = Vec3::from(light.intensity) * (cosine / distance2);
     lit.then_some(Incident { irradiance, to_light, cosine })
 }

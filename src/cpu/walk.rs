@@ -37,8 +37,12 @@ pub fn sample_sphere(height: u32, turn: u32) -> Vec3 {
 
 /// Unit vector about `normal` with density cosθ/π.
 pub fn sample_cosine(normal: Vec3, height: u32, turn: u32) -> Vec3 {
-    let d = normal + sample_sphere(height, turn);
-    d * (1.0 / d.dot(d).max(1.0e-20).sqrt())
+    let mut d = normal + sample_sphere(height, turn);
+    // A short sum is rounding more than direction; its part along the normal is half its squared length.
+    if d.dot(d) < 1.0e-5 {
+        d += normal * (0.5 * d.dot(d).max(1.0e-10) - d.dot(normal));
+    }
+    d * (1.0 / d.dot(d).sqrt())
 }
 
 /// Half vector of visible GGX facets (Dupuy & Benyoub, HPG 2023).
@@ -78,8 +82,8 @@ pub struct Photon {
     pub throughput: Vec3,
     /// Watts.
     pub power: f32,
-    /// Object that it comes from; `None` for a light.
-    pub object: Option<usize>,
+    /// That it leaves; `None` for a light.
+    pub face: Option<usize>,
     /// 0 until the first hit.
     pub bounce: u32,
     /// Of this bounce's numbers.
@@ -128,7 +132,7 @@ pub fn emit_photon(plan: &Plan, emitters: &[Emitter], sampler: Sampler, path: u3
         direction,
         throughput: emitter.color.into(),
         power: emitter.power / parts,
-        object: None,
+        face: None,
         bounce: 0,
         key,
         height: number(2),
@@ -157,7 +161,7 @@ pub fn scatter(scene: &SceneTables, photon: &Photon, surface: &Surface) -> Optio
     };
     let mut next = Photon {
         position: surface.position,
-        object: Some(surface.object),
+        face: Some(surface.face_left()),
         bounce: photon.bounce + 1,
         key: hash_u(photon.key),
         ..*photon

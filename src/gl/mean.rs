@@ -9,7 +9,8 @@ use crate::error::{Error, Result};
 use crate::film::Image;
 use crate::source::{Options, assemble};
 
-/// The mean of the passes so far: `mean += (pass − mean) / n`.
+/// The mean of the passes so far: of blocks of [`BLOCK`] passes `mean += (pass − mean) / n`, then of blocks likewise.
+/// Every step rounds what it is added to: so it is rounded 64 times less often.
 pub struct Mean {
     gl: Functions,
     program: Program,
@@ -17,10 +18,18 @@ pub struct Mean {
     patch: Program,
     /// Where a film in host memory goes first.
     upload: Texture,
-    target: Option<(u32, u32, Target)>,
+    /// Width, height, and the passes since the last whole block.
+    block: Option<(u32, u32, Target)>,
+    /// All whole blocks, once there is one.
+    whole: Option<Target>,
     passes: u32,
+    /// Those in whole blocks.
+    merged: u32,
     _counted: Counted,
 }
+
+/// Passes of a block.
+const BLOCK: u32 = 64;
 
 /// A picture that stays as it is while the next one is made.
 pub struct Picture {
@@ -39,12 +48,12 @@ impl Mean {
         // SAFETY: the context is current; the texture is owned by the result.
         let upload = unsafe { gl.create_texture() }.map_err(|e| Error::Device(format!("OpenGL: texture: {e}")))?;
         let _counted = Counted::new(Kind::OpenGl);
-        Ok(Mean { gl: gl.clone(), program, patch, upload, target: None, passes: 0, _counted })
+        Ok(Mean { gl: gl.clone(), program, patch, upload, block: None, whole: None, passes: 0, merged: 0, _counted })
     }
 
     /// Forgets all passes.
     pub fn restart(&mut self) {
-        self.passes = 0;
+        (self.passes, self.merged) = (0, 0);
     }
 
     /// Passes in the mean.
@@ -57,22 +66,53 @@ impl Mean {
     /// # Errors
     /// [`Error::Device`] when the driver refuses the size.
     pub fn add(&mut self, pass: Texture, width: u32, height: u32) -> Result<()> {
-        if self.target.as_ref().is_none_or(|(w, h, _)| (*w, *h) != (width, height)) {
-            self.target = None; // the old one's memory first
-            self.target = Some((width, height, Target::new(&self.gl, width, height, false)?));
-            self.passes = 0;
+        if self.block.as_ref().is_none_or(|(w, h, _)| (*w, *h) != (width, height)) {
+            (self.block, self.whole) = (None, None); // the old ones' memory first
+            self.block = Some((width, height, Target::new(&self.gl, width, height, false)?));
+            self.restart();
         }
-        let Some((_, _, target)) = &self.target else { return Ok(()) };
+        let Some((_, _, block)) = &self.block else { return Ok(()) };
         self.passes += 1;
+        let in_block = self.passes - self.merged;
+        self.mix(pass, block, 1, in_block)?;
+        if in_block == BLOCK {
+            let whole = match self.whole.take() {
+                Some(whole) => whole,
+                None => Target::new(&self.gl, width, height, false)?,
+            };
+            self.mix(block.texture(), &whole, BLOCK, self.passes)?;
+            (self.whole, self.merged) = (Some(whole), self.passes);
+        }
+        Ok(())
+    }
+
+    /// Mixes the mean of `passes` of all `of` passes into the mean of the others.
+    fn mix(&self, mean: Texture, into: &Target, passes: u32, of: u32) -> Result<()> {
         self.program.activate(&["pass"]);
         // SAFETY: the context is current.
         unsafe {
             self.gl.active_texture(glow::TEXTURE0);
-            self.gl.bind_texture(glow::TEXTURE_2D, Some(pass));
+            self.gl.bind_texture(glow::TEXTURE_2D, Some(mean));
         }
-        // The first pass replaces what was there: a NaN in it must not survive as 0 · NaN.
-        let weight = (self.passes > 1).then(|| 1.0 / self.passes as f32);
-        target.draw_mixed(&self.program, weight)
+        // The first ones replace what was there: a NaN in it must not survive as 0 · NaN.
+        into.draw_mixed(&self.program, (of > passes).then(|| passes as f32 / of as f32))
+    }
+
+    /// Puts blocks and what has come since together, and waits until that is there.
+    fn combine(&self, block: &Target, to: &Target) -> Result<()> {
+        match &self.whole {
+            Some(whole) if self.merged > 0 => {
+                if self.passes > self.merged {
+                    whole.copy_to(to)?;
+                    self.mix(block.texture(), to, self.passes - self.merged, self.passes)?;
+                    // SAFETY: the context is current.
+                    unsafe { self.gl.finish() };
+                    return Ok(());
+                }
+                whole.copy_to(to)
+            }
+            _ => block.copy_to(to),
+        }
     }
 
     /// Takes a pass in that lies in host memory.
@@ -84,12 +124,12 @@ impl Mean {
         self.add(self.upload, image.width, image.height)
     }
 
-    /// Replaces rows, from and to each, by what a picture of another size has there, interpolated.
+    /// Replaces rows of the first pass, from and to each, by what a picture of another size has there, interpolated.
     ///
     /// # Errors
     /// [`Error::Device`] when the driver reports an error.
     pub fn patch(&self, from: Texture, rows: &[[u32; 2]]) -> Result<()> {
-        let Some((width, height, target)) = &self.target else { return Ok(()) };
+        let Some((width, height, target)) = &self.block else { return Ok(()) };
         self.patch.activate(&["pass"]);
         self.patch.set_texels("whole", &[*width as f32, *height as f32, 1.0]);
         // SAFETY: the context is current.
@@ -137,7 +177,7 @@ impl Mean {
     /// # Errors
     /// [`Error::Device`] when the driver refuses the size.
     pub fn copy_to(&self, picture: &mut Picture) -> Result<()> {
-        let Some((width, height, from)) = &self.target else { return Ok(()) };
+        let Some((width, height, block)) = &self.block else { return Ok(()) };
         if picture.target.as_ref().is_none_or(|(w, h, _)| (w, h) != (width, height)) {
             picture.target = None;
             let target = Target::new(&self.gl, *width, *height, false)?;
@@ -145,7 +185,7 @@ impl Mean {
             picture.target = Some((*width, *height, target));
         }
         let Some((_, _, to)) = &picture.target else { return Ok(()) };
-        from.copy_to(to)
+        self.combine(block, to)
     }
 
     /// The mean on the host.
@@ -153,9 +193,11 @@ impl Mean {
     /// # Errors
     /// [`Error::Failed`] before the first pass.
     pub fn read(&self) -> Result<Image> {
-        let Some((width, height, target)) = &self.target else {
+        let Some((width, height, block)) = &self.block else {
             return Err(Error::Failed("there is no picture yet".into()));
         };
+        let target = Target::new(&self.gl, *width, *height, false)?;
+        self.combine(block, &target)?;
         let pixels = target.read().iter().map(|[r, g, b, _]| [*r, *g, *b].map(f32::from_bits)).collect();
         Image::from_pixels(*width, *height, pixels)
     }

@@ -37,6 +37,8 @@ pub struct DeviceMap {
     /// In path order; none while the grid has it.
     stored: Option<PhotonMap>,
     packed: Option<Packed>,
+    /// Whether light straight from the lamps is stored, as the last upload's plan has it.
+    stores_direct: Option<bool>,
     /// What the last map came from.
     emission: Option<Emission>,
 }
@@ -45,6 +47,7 @@ pub struct DeviceMap {
 pub struct HostMap {
     pool: Rc<rayon::ThreadPool>,
     scene: Option<(Packed, Features, emission::Plan)>,
+    stores_direct: Option<bool>,
     stored: cpu::photons::PhotonTables,
     plan: cells::Plan,
     grid: cpu::grid::GridTables,
@@ -108,6 +111,7 @@ impl MapStage {
             tiles: None,
             stored: None,
             packed: None,
+            stores_direct: None,
             emission: None,
         })))
     }
@@ -116,23 +120,29 @@ impl MapStage {
     pub fn on_host(pool: Rc<rayon::ThreadPool>) -> MapStage {
         let plan = cells::Plan { hashed: false, cells: 0, faces: Vec::new(), gather: Default::default() };
         let (stored, grid) = Default::default();
-        MapStage::Host(Box::new(HostMap { pool, scene: None, stored, plan, grid, tiles: None }))
+        MapStage::Host(Box::new(HostMap { pool, scene: None, stores_direct: None, stored, plan, grid, tiles: None }))
     }
 
-    /// Takes over the scene and builds what an emission needs.
+    /// Takes over the scene and builds what an emission needs; passes of one scene find it done.
     ///
     /// # Errors
     /// [`Error::Build`] and [`Error::Device`] from the device; [`Error::Usage`] for too many lights.
     pub fn upload(&mut self, packed: &Packed, features: &Features, emission: &Emission) -> Result<()> {
-        let plan = emission::Plan::of(packed, emission.store_direct)?;
+        let direct = Some(emission.store_direct);
         match self {
             MapStage::Device(map) => {
-                map.photons.upload(packed, plan)?;
-                map.packed = Some(packed.clone());
+                if map.packed.as_ref() != Some(packed) || map.stores_direct != direct {
+                    map.photons.upload(packed, emission::Plan::of(packed, emission.store_direct)?)?;
+                    (map.packed, map.stores_direct) = (Some(packed.clone()), direct);
+                }
                 map.photons.compile(features, emission)
             }
             MapStage::Host(map) => {
-                map.scene = Some((packed.clone(), *features, plan));
+                let plan = match map.scene.take() {
+                    Some((known, _, plan)) if known == *packed && map.stores_direct == direct => plan,
+                    _ => emission::Plan::of(packed, emission.store_direct)?,
+                };
+                (map.scene, map.stores_direct) = (Some((packed.clone(), *features, plan)), direct);
                 Ok(())
             }
         }

@@ -73,6 +73,7 @@ fn features() -> Features {
         lights: Lights::None,
         sphere_shadows: false,
         plane_shadows: false,
+        two_sided: true,
         glossy: false,
         ambient: false,
         one_sample: true,

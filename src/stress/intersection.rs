@@ -11,7 +11,7 @@ use super::exact::{Meeting, plane, sphere, ulp};
 use super::lab::{Answer, Task};
 use super::{Bench, Fault, Found, Row, Spread, Suite};
 use crate::bench::plot::{Chart, Curve, Look};
-use crate::cpu::intersect::{INFINITE, hit_plane, hit_sphere};
+use crate::cpu::intersect::{INFINITE, Sides, hit_plane, hit_sphere};
 use crate::cpu::random::{hash2_u, unit_real};
 use crate::cpu::scene::{Hit, SceneTables};
 use crate::error::Result;
@@ -111,13 +111,14 @@ impl Random {
 impl Case {
     fn of(class: Class, number: u32) -> Case {
         let mut random = Random(hash2_u(class as u32, 0x5eed), number.wrapping_mul(16));
-        let scale = random.decades(-3.0, 3.0);
+        let scale = random.decades(-6.0, 6.0);
         if class.is_plane() {
             return Case::plane(class, &mut random);
         }
         let (radius, ratio) = match class {
             Class::Outside => (scale, random.decades(1e-3, 6.0)),
-            Class::Inside => (scale, random.uniform(0.0, 1.0)),
+            // Anywhere inside, or near the centre.
+            Class::Inside => (scale, random.uniform(0.0, 1.0).min(random.decades(-6.0, 3.0))),
             Class::Close => (scale, 1.0 + random.decades(-6.0, 0.0) * random.sign()),
             Class::Rim => (scale, random.decades(0.01, 4.0)),
             Class::Wall => (1e5, 1.0 - random.decades(-6.0, -4.0)),
@@ -204,16 +205,17 @@ impl Case {
 
     fn by_twin(&self, features: &Features, fault: Option<Fault>) -> Answer {
         let (anchor, extent) = (Vec3::from(self.object.anchor), self.object.extent);
+        let sides = Sides::Both { behind: self.on };
         let t = match (self.class.is_plane(), fault) {
-            (true, _) => hit_plane(self.origin, self.direction, anchor, extent, self.on),
+            (true, _) => hit_plane(self.origin, self.direction, anchor, extent, self.on, sides),
             (false, Some(Fault::NaiveSphere)) => naive_sphere(self.origin, self.direction, anchor, extent),
-            (false, _) => hit_sphere(self.origin, self.direction, anchor, extent, self.on),
+            (false, _) => hit_sphere(self.origin, self.direction, anchor, extent, self.on, sides),
         };
         // A scene of this object alone.
         let objects = std::slice::from_ref(&self.object);
         let sphere_count = usize::from(!self.class.is_plane());
         let scene = SceneTables { objects, sphere_count, lights: &[], features };
-        let surface = scene.surface_at(self.origin, self.direction, Hit { t, next: INFINITE, object: 0 });
+        let surface = scene.surface_at(self.origin, self.direction, Hit { t, object: 0, from: self.on.then_some(1) });
         let ([px, py, pz], [nx, ny, nz]) = (surface.position.to_array(), surface.normal.to_array());
         [t, px, py, pz, nx, ny, nz, surface.side].map(f32::to_bits)
     }
@@ -352,11 +354,14 @@ pub(super) fn run(bench: &mut Bench) -> Result<Found> {
                     packed: &packed,
                     alone: true,
                     in_uniforms: false,
+                    two_sided: true,
+                    defines: &[],
+                    contracted: false,
                     cases: &rays,
                     batch: 1 << 20,
                     fault,
                 };
-                bench.lab.ask(backend, &task, cases.len())?
+                bench.lab.ask(backend, &task, 0..cases.len())?
             }
         };
         for class in Class::ALL {
@@ -389,6 +394,7 @@ fn by_twin(bench: &Bench, cases: &[Case], fault: Option<Fault>) -> Vec<Answer> {
         lights: Lights::None,
         sphere_shadows: false,
         plane_shadows: false,
+        two_sided: true,
         glossy: false,
         ambient: false,
         one_sample: true,

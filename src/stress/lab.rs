@@ -1,5 +1,6 @@
 //! Where the shared dialect's functions can be asked: each device through a small program of its own.
 
+use std::ops::Range;
 use std::rc::Rc;
 
 use crate::cl::{self, Buffer};
@@ -36,6 +37,12 @@ pub struct Task<'a> {
     pub alone: bool,
     /// Objects travel in uniforms on OpenGL, as those of small scenes do.
     pub in_uniforms: bool,
+    /// With the code of scenes whose objects are met from both sides.
+    pub two_sided: bool,
+    /// Further defines.
+    pub defines: &'a [&'a str],
+    /// OpenCL's arithmetic is as that of other devices: see `kernels/rounding.cl`.
+    pub contracted: bool,
     /// Its own table.
     pub cases: &'a [[f32; 3]],
     /// Most items of one submission.
@@ -75,17 +82,18 @@ impl Lab {
         self.cl.clone()
     }
 
-    /// Answers of items `0 … count − 1` on a device.
+    /// Answers of some items on a device.
     ///
     /// # Errors
     /// [`Error::Build`] and [`Error::Device`] from the device; [`Error::Driver`] where it is not open.
-    pub fn ask(&self, backend: Backend, task: &Task, count: usize) -> Result<Vec<Answer>> {
+    pub fn ask(&self, backend: Backend, task: &Task, items: Range<usize>) -> Result<Vec<Answer>> {
         let features = Features {
             spheres: true,
             planes: true,
             lights: Lights::None,
             sphere_shadows: false,
             plane_shadows: false,
+            two_sided: task.two_sided,
             glossy: false,
             ambient: false,
             one_sample: true,
@@ -93,14 +101,16 @@ impl Lab {
         };
         let mut defines = vec![task.body.to_string()];
         defines.extend(task.fault.map(|fault| fault.define()));
+        defines.extend(task.alone.then(|| "OBJECTS_ALONE".to_string()));
+        defines.extend(task.defines.iter().map(|define| define.to_string()));
         let frame = Frame {
             sphere_count: task.packed.sphere_count as f32,
-            plane_count: if task.alone { 0.0 } else { task.packed.plane_count() as f32 },
+            plane_count: task.packed.plane_count() as f32,
             ..Frame::default()
         };
         match (backend, &self.gl, &self.cl) {
-            (Backend::OpenGl, Some(gl), _) => self.ask_gl(gl, task, &features, defines, &frame, count),
-            (Backend::OpenCl, _, Some(cl)) => self.ask_cl(cl, task, &features, defines, &frame, count),
+            (Backend::OpenGl, Some(gl), _) => self.ask_gl(gl, task, &features, defines, &frame, items),
+            (Backend::OpenCl, _, Some(cl)) => self.ask_cl(cl, task, &features, defines, &frame, items),
             _ => Err(Error::Driver(format!("{} is not open", backend.name()))),
         }
     }
@@ -112,18 +122,22 @@ impl Lab {
         features: &Features,
         defines: Vec<String>,
         frame: &Frame,
-        count: usize,
+        items: Range<usize>,
     ) -> Result<Vec<Answer>> {
         let lanes = context.device.lanes;
-        let source = assemble("stress.cl", Some(features), &Options { lanes, defines, ..Options::default() });
+        let source = assemble(
+            "stress.cl",
+            Some(features),
+            &Options { lanes, defines, contracted: task.contracted, ..Options::default() },
+        );
         let kernel = context.kernel(&source, "stress_items")?;
         let frame = Buffer::from_slice(context, std::slice::from_ref(frame))?;
         let objects = Buffer::from_slice(context, &task.packed.objects)?;
         let lights = Buffer::from_slice(context, &task.packed.lights)?;
         let cases = Buffer::from_slice(context, task.cases)?;
-        let mut answers = Vec::with_capacity(count);
-        for first in (0..count).step_by(task.batch) {
-            let here = task.batch.min(count - first);
+        let mut answers = Vec::with_capacity(items.len());
+        for first in items.clone().step_by(task.batch) {
+            let here = task.batch.min(items.end - first);
             let words = Buffer::<Answer>::new(context, here)?;
             let args = [
                 (&frame).into(),
@@ -147,14 +161,14 @@ impl Lab {
         features: &Features,
         defines: Vec<String>,
         frame: &Frame,
-        count: usize,
+        items: Range<usize>,
     ) -> Result<Vec<Answer>> {
         headless.make_current()?;
         let source = assemble("stress.frag", Some(features), &Options { defines, ..Options::default() });
         let program = Program::new(&headless.gl, &source)?;
         // Making and filling bind textures too, so the tables are bound when all is made.
-        let columns = task.batch.min(count).clamp(1, COLUMNS);
-        let rows = task.batch.min(count).div_ceil(columns);
+        let columns = task.batch.min(items.len()).clamp(1, COLUMNS);
+        let rows = task.batch.min(items.len()).div_ceil(columns);
         let target = Target::new(&headless.gl, columns as u32, rows as u32, true)?;
         let batch = columns * rows;
         let mut cases = TableTexture::new(&headless.gl, TEXTURE_WIDTH_LOG2)?;
@@ -171,9 +185,9 @@ impl Lab {
             objects.bind(1);
         }
         program.set_int("stride", columns as i32);
-        let mut answers = Vec::with_capacity(count);
-        for first in (0..count).step_by(batch) {
-            let here = batch.min(count - first);
+        let mut answers = Vec::with_capacity(items.len());
+        for first in items.clone().step_by(batch) {
+            let here = batch.min(items.end - first);
             program.set_int("first", first as i32);
             program.set_int("count", here as i32);
             let [low, high] = [0, 1].map(|part| {

@@ -59,8 +59,8 @@ fn rounded(mut scene: Scene) -> Scene {
 }
 
 pub(super) fn run(bench: &mut Bench) -> Result<Found> {
-    let names: &[&str] =
-        bench.options.by_size(&["gi_ref"], &["gi_ref"], &["gi_ref", "gi_two_lights", "sphere_and_plane"]);
+    let all = ["gi_ref", "sphere_and_plane", "gi_two_lights"];
+    let names = &all[..bench.options.by_size(1, 2, 3)];
     let (width, height) = bench.options.by_size((64, 48), (96, 72), (320, 240));
     let paths = bench.options.by_size(5_000, 20_000, 100_000);
     let places = bench.options.by_size(2, PLACES.len(), PLACES.len());

@@ -63,11 +63,14 @@ pub(super) fn run(bench: &mut Bench) -> Result<Found> {
                     packed: &packed,
                     alone: true,
                     in_uniforms: false,
+                    two_sided: false,
+                    defines: &[],
+                    contracted: false,
                     cases: &cases,
                     batch: 1 << 20,
                     fault,
                 };
-                bench.lab.ask(backend, &task, counters.len())?
+                bench.lab.ask(backend, &task, 0..counters.len())?
             }
         };
         let integers = |a: &Answer| [a[0], a[1], a[2], a[3], a[7]];

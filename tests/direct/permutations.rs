@@ -25,7 +25,7 @@ fn opencl() -> Option<cl::Context> {
 }
 
 /// The choices of a permutation as small numbers.
-fn choices(features: &Features) -> [u8; 7] {
+fn choices(features: &Features) -> [u8; 8] {
     let lights = match features.lights {
         Lights::None => 0,
         Lights::One => 1,
@@ -35,12 +35,13 @@ fn choices(features: &Features) -> [u8; 7] {
         features.spheres,
         features.planes,
         features.plane_shadows,
+        features.two_sided,
         features.glossy,
         features.ambient,
         features.one_sample,
     ];
-    let [a, b, c, d, e, f] = flags.map(u8::from);
-    [a, b, lights, c, d, e, f]
+    let [a, b, c, d, e, f, g] = flags.map(u8::from);
+    [a, b, lights, c, d, e, f, g]
 }
 
 /// All combinations of `strength` of a permutation's choices: (which, what) each.

@@ -30,6 +30,7 @@ pub fn features() -> Features {
         lights: Lights::None,
         sphere_shadows: false,
         plane_shadows: false,
+        two_sided: true,
         glossy: true,
         ambient: false,
         one_sample: true,

@@ -26,6 +26,7 @@ pub const FEATURES: Features = Features {
     lights: Lights::None,
     sphere_shadows: false,
     plane_shadows: false,
+    two_sided: true,
     glossy: true,
     ambient: false,
     one_sample: true,

@@ -112,6 +112,7 @@ fn timings() {
         lights: Lights::None,
         sphere_shadows: false,
         plane_shadows: false,
+        two_sided: true,
         glossy: false,
         ambient: false,
         one_sample: true,

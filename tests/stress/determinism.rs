@@ -21,33 +21,47 @@ fn bits(image: &Image) -> Vec<[u32; 3]> {
     image.pixels.iter().map(|pixel| pixel.map(f32::to_bits)).collect()
 }
 
+/// What the bytes must not depend on runs for each of these.
+fn ways() -> [Settings; 3] {
+    let gather = Technique::FinalGather(FinalGather { rays: 8, ..FinalGather::default() });
+    [settings(Method::Grid), settings(Method::TiledGrid), Settings { technique: gather, ..settings(Method::Grid) }]
+}
+
 #[test]
 fn twenty_runs_give_the_same_bytes() {
     let _one = one_at_a_time();
     let scene = shipped("gi_ref");
     for mut pipeline in backends() {
-        let first = render(&mut pipeline, &scene, &settings(Method::Grid));
-        for run in 1..20 {
-            // Another seed in between, so that everything is made anew.
-            pipeline.render(&scene, &Settings { seed: 6, width: 8, height: 6, ..settings(Method::Grid) }).unwrap();
-            let again = render(&mut pipeline, &scene, &settings(Method::Grid));
-            assert!(bits(&again) == bits(&first), "{}: run {run}", pipeline.backend.name());
+        for wanted in ways() {
+            let what = format!("{}, {:?}, {:?}", pipeline.backend.name(), wanted.gather.method, wanted.technique);
+            let first = render(&mut pipeline, &scene, &wanted);
+            for run in 1..20 {
+                // Another seed in between, so that everything is made anew.
+                pipeline.render(&scene, &Settings { seed: 6, width: 8, height: 6, ..wanted.clone() }).unwrap();
+                let again = render(&mut pipeline, &scene, &wanted);
+                assert!(bits(&again) == bits(&first), "{what}: run {run}");
+            }
+            let other = render(&mut pipeline, &scene, &Settings { seed: 6, ..wanted });
+            assert!(bits(&other) != bits(&first), "{what}: another seed must show");
         }
-        let other = render(&mut pipeline, &scene, &Settings { seed: 6, ..settings(Method::Grid) });
-        assert!(bits(&other) != bits(&first), "another seed must show");
     }
 }
 
 #[test]
 fn threads_do_not_show() {
-    let scene = shipped("glossy");
-    for method in [Method::Grid, Method::TiledGrid] {
-        let images = [1, 2, 5].map(|threads| {
-            let machine = Machine { backend: Some(Backend::Cpu), threads, ..Machine::default() };
-            let mut pipeline = Pipeline::open(&machine, |_| ()).unwrap();
-            bits(&render(&mut pipeline, &scene, &settings(method)))
-        });
-        assert!(images[0] == images[1] && images[0] == images[2], "{method:?}");
+    // One of them glossy, which rules final gathering out.
+    for (scene, ways) in [(shipped("glossy"), &ways()[..2]), (shipped("gi_ref"), &ways()[..])] {
+        for wanted in ways {
+            let image = |threads| {
+                let machine = Machine { backend: Some(Backend::Cpu), threads, ..Machine::default() };
+                let mut pipeline = Pipeline::open(&machine, |_| ()).unwrap();
+                bits(&render(&mut pipeline, &scene, wanted))
+            };
+            let alone = image(1);
+            for threads in [2, 3, 4, 5, 7, 8, 16, 33] {
+                assert!(image(threads) == alone, "{threads} threads, {wanted:?}");
+            }
+        }
     }
 }
 

@@ -7,6 +7,7 @@ mod determinism;
 mod faults;
 mod fuzz;
 mod rooms;
+mod sides;
 mod suites;
 
 use std::sync::{Mutex, MutexGuard, PoisonError};

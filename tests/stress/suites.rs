@@ -1,6 +1,8 @@
 //! Every suite holds, and every suite can fail.
 
+use photile::features::{Features, Lights};
 use photile::settings::Backend;
+use photile::source as assembly;
 use photile::stress::{Fault, Options, Report, Size, Suite, run};
 
 use super::one_at_a_time;
@@ -50,6 +52,35 @@ fn devices_find_faults_of_their_own_code() {
         for backend in Backend::ALL {
             let of_backend = || report.rows.iter().filter(|row| row.backend == backend);
             assert!(of_backend().count() == 0 || of_backend().any(|row| !row.holds), "{backend:?} {}", fault.name());
+        }
+    }
+}
+
+/// GPUs have one lane, and that code is seldom built here.
+#[test]
+fn one_lane_compiles_too() {
+    let _one = one_at_a_time();
+    let features = Features {
+        spheres: true,
+        planes: true,
+        lights: Lights::None,
+        sphere_shadows: false,
+        plane_shadows: false,
+        two_sided: true,
+        glossy: false,
+        ambient: false,
+        one_sample: true,
+        in_uniforms: false,
+    };
+    let Ok(device) = photile::cl::devices(None).map(|mut devices| devices.remove(0)) else {
+        return crate::common::missing("OpenCL", &"no device");
+    };
+    let context = photile::cl::Context::new(device).unwrap();
+    for body in ["STRESS_INTERSECTION", "STRESS_LEAKS", "STRESS_RANDOM"] {
+        for (two_sided, contracted) in [(false, false), (true, true)] {
+            let options = assembly::Options { contracted, defines: vec![body.into()], ..assembly::Options::default() };
+            let source = assembly::assemble("stress.cl", Some(&Features { two_sided, ..features }), &options);
+            context.kernel(&source, "stress_items").unwrap_or_else(|error| panic!("{error}"));
         }
     }
 }
