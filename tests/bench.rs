@@ -93,14 +93,15 @@ fn gather_tests_more_candidates_in_larger_cells() {
         rows.iter().filter(|row| row["method"] == method).map(|row| row[key].as_f64().unwrap()).collect()
     };
     let ratios = of("grid", "candidates_per_accepted");
-    // Rows are by radius, then by cells along it: 1, 2, 3, 4.
-    for by_cells in ratios.chunks(4) {
-        assert!(by_cells.windows(2).all(|pair| pair[0] > pair[1]), "{by_cells:?}");
+    // Rows are by radius, then by cells along it: 1, 2, 3, 4; then 2 across rows and 3 across rows, with finer ones along.
+    for by_cells in ratios.chunks(6) {
+        assert!(by_cells[..4].windows(2).all(|pair| pair[0] > pair[1]), "{by_cells:?}");
+        assert!(by_cells[1] > by_cells[4] && by_cells[2] > by_cells[5], "finer along rows: {by_cells:?}");
         assert!(by_cells.iter().all(|ratio| *ratio >= 1.0), "a photon is accepted that was no candidate");
     }
     let accepted: Vec<f64> = rows.iter().map(|row| row["accepted"].as_f64().unwrap()).collect();
-    // 4 sizes of cells, then 3 of tiles and of tiled grids: the same photons by all of them.
-    assert!(accepted.chunks(10).all(|same| same.iter().all(|a| *a == same[0])), "cells change what is found");
+    // 6 sizes of cells, then 3 of tiles and of tiled grids: the same photons by all of them.
+    assert!(accepted.chunks(12).all(|same| same.iter().all(|a| *a == same[0])), "cells change what is found");
     let [tiles, tiled] = ["tiles", "tiled-grid"].map(|method| of(method, "candidates_per_accepted"));
     assert!(tiles.iter().zip(&tiled).all(|(tiles, tiled)| (1.0..=*tiles).contains(tiled)), "{tiles:?}, {tiled:?}");
     assert!(tiles.chunks(3).all(|by_size| by_size.windows(2).all(|pair| pair[0] >= pair[1])), "{tiles:?}");
