@@ -302,6 +302,7 @@ fn milliseconds(event: &Event) -> Option<f64> {
     let time = event.profiling_command_end().and_then(|end| Ok(end - event.profiling_command_start()?));
     time.ok().filter(|ns| *ns > 0).map(|ns| ns as f64 / 1e6)
 }
+
 /// The work-group size that gives every core of a CPU something to do, where the driver's own choice might not: PoCL
 /// puts up to 4096 work-items into one group, which is one thread's, however long each of them takes. A power of two,
 /// since drivers compile a kernel once more for each size.
