@@ -8,14 +8,14 @@
 use glam::{DVec3, Vec3};
 
 use super::exact::{Meeting, plane, sphere, ulp};
-use super::lab::{Answer, Task};
+use super::lab::{Answer, Task, features};
 use super::{Bench, Fault, Found, Row, Spread, Suite};
 use crate::bench::plot::{Chart, Curve, Look};
 use crate::cpu::intersect::{INFINITE, Sides, hit_plane, hit_sphere};
 use crate::cpu::random::{hash2_u, unit_real};
 use crate::cpu::scene::{Hit, SceneTables};
 use crate::error::Result;
-use crate::features::{Features, Lights};
+use crate::features::Features;
 use crate::layout::{Object, PLANE, SPHERE};
 use crate::pack::Packed;
 use crate::settings::Backend;
@@ -388,18 +388,7 @@ pub(super) fn run(bench: &mut Bench) -> Result<Found> {
 }
 
 fn by_twin(bench: &Bench, cases: &[Case], fault: Option<Fault>) -> Vec<Answer> {
-    let features = Features {
-        spheres: true,
-        planes: true,
-        lights: Lights::None,
-        sphere_shadows: false,
-        plane_shadows: false,
-        two_sided: true,
-        glossy: false,
-        ambient: false,
-        one_sample: true,
-        in_uniforms: false,
-    };
+    let features = features(true, false);
     bench.pool.install(|| cases.par_iter().map(|case| case.by_twin(&features, fault)).collect())
 }
 

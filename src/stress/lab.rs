@@ -18,6 +18,22 @@ use super::Fault;
 /// An item's answer: eight words.
 pub type Answer = [u32; 8];
 
+/// Of scenes that only rays meet, none of them lit.
+pub fn features(two_sided: bool, in_uniforms: bool) -> Features {
+    Features {
+        spheres: true,
+        planes: true,
+        lights: Lights::None,
+        sphere_shadows: false,
+        plane_shadows: false,
+        two_sided,
+        glossy: false,
+        ambient: false,
+        one_sample: true,
+        in_uniforms,
+    }
+}
+
 /// The devices under test.
 #[derive(Default)]
 pub struct Lab {
@@ -87,18 +103,7 @@ impl Lab {
     /// # Errors
     /// [`Error::Build`] and [`Error::Device`] from the device; [`Error::Driver`] where it is not open.
     pub fn ask(&self, backend: Backend, task: &Task, items: Range<usize>) -> Result<Vec<Answer>> {
-        let features = Features {
-            spheres: true,
-            planes: true,
-            lights: Lights::None,
-            sphere_shadows: false,
-            plane_shadows: false,
-            two_sided: task.two_sided,
-            glossy: false,
-            ambient: false,
-            one_sample: true,
-            in_uniforms: task.in_uniforms && backend == Backend::OpenGl,
-        };
+        let features = features(task.two_sided, task.in_uniforms && backend == Backend::OpenGl);
         let mut defines = vec![task.body.to_string()];
         defines.extend(task.fault.map(|fault| fault.define()));
         defines.extend(task.alone.then(|| "OBJECTS_ALONE".to_string()));

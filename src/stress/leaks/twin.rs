@@ -3,29 +3,17 @@
 use glam::Vec3;
 
 use super::super::Fault;
-use super::super::lab::Answer;
+use super::super::lab::{Answer, features};
 use super::{Case, RAYS, SEED};
 use crate::cpu::camera::normalize3;
 use crate::cpu::intersect::{INFINITE, Sides, hit_sphere};
 use crate::cpu::random::{hash_u, hash2_u, unit_real};
 use crate::cpu::scene::{Hit, SceneTables, Surface};
 use crate::cpu::walk::{sample_cosine, sample_sphere};
-use crate::features::{Features, Lights};
 
 /// Rays of one item.
 pub(super) fn walk(case: &Case, item: u32, fault: Option<Fault>) -> Answer {
-    let features = Features {
-        spheres: true,
-        planes: true,
-        lights: Lights::None,
-        sphere_shadows: false,
-        plane_shadows: false,
-        two_sided: case.two_sided,
-        glossy: false,
-        ambient: false,
-        one_sample: true,
-        in_uniforms: true,
-    };
+    let features = features(case.two_sided, true);
     let scene = SceneTables::new(&case.packed, &features);
     let mut key = hash2_u(item, SEED);
     let mut answer = [0; 8];
