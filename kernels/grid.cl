@@ -11,24 +11,61 @@ int ordered(float x) {
     return i ^ ((i >> 31) & 0x7fffffff);
 }
 
+// Widens a face's bounds, in any memory. Looking first spares nearly all atomics; a stale value costs one more of them,
+// never a wrong bound.
+#define WIDEN(own, low_x, low_y, low_z, high_x, high_y, high_z) \
+    do { \
+        if (low_x < own[0]) atomic_min(own + 0, low_x); \
+        if (low_y < own[1]) atomic_min(own + 1, low_y); \
+        if (low_z < own[2]) atomic_min(own + 2, low_z); \
+        if (high_x > own[3]) atomic_max(own + 3, high_x); \
+        if (high_y > own[4]) atomic_max(own + 4, high_y); \
+        if (high_z > own[5]) atomic_max(own + 5, high_z); \
+    } while (false)
+
 // Widens bounds[face], as lowest x, y, z and highest x, y, z of ordered ints.
+#ifndef BOUNDS_GROUP
+#define BOUNDS_GROUP 1
+#endif
+#if BOUNDS_GROUP == 1
 __kernel void grid_bounds(__global const float *photon_positions, __global const float *photon_faces,
-                          __global volatile int *bounds, int count, int per_item) {
+                          __global volatile int *bounds, int faces, int count, int per_item) {
     int first = (int)get_global_id(0) * per_item;
     int end = min(first + per_item, count);
     for (int i = first; i < end; i++) {
         __global volatile int *own = bounds + 6 * (int)photon_face(i);
         float3 p = photon_position_scalar(i);
         int x = ordered(p.x), y = ordered(p.y), z = ordered(p.z);
-        // Looking first spares nearly all atomics; a stale value costs one more of them, never a wrong bound.
-        if (x < own[0]) atomic_min(own + 0, x);
-        if (y < own[1]) atomic_min(own + 1, y);
-        if (z < own[2]) atomic_min(own + 2, z);
-        if (x > own[3]) atomic_max(own + 3, x);
-        if (y > own[4]) atomic_max(own + 4, y);
-        if (z > own[5]) atomic_max(own + 5, z);
+        WIDEN(own, x, y, z, x, y, z);
     }
 }
+#else
+// The same by work-groups of a GPU, in local memory first where that has room for all faces.
+__kernel __attribute__((reqd_work_group_size(BOUNDS_GROUP, 1, 1)))
+void grid_bounds(__global const float *photon_positions, __global const float *photon_faces,
+                 __global volatile int *bounds, int faces, int count, int per_item) {
+    __local volatile int near[6 * BOUNDS_FACES];
+    int item = get_local_id(0);
+    bool fits = faces <= BOUNDS_FACES;
+    for (int i = item; fits && i < 6 * faces; i += BOUNDS_GROUP) near[i] = i % 6 < 3 ? INT_MAX : INT_MIN;
+    barrier(CLK_LOCAL_MEM_FENCE);
+    int first = (int)get_global_id(0) / BOUNDS_GROUP * BOUNDS_GROUP * per_item;
+    int end = min(first + BOUNDS_GROUP * per_item, count);
+    for (int i = first + item; i < end; i += BOUNDS_GROUP) {
+        int face = 6 * (int)photon_face(i);
+        float3 p = photon_position_scalar(i);
+        int x = ordered(p.x), y = ordered(p.y), z = ordered(p.z);
+        if (fits) WIDEN((near + face), x, y, z, x, y, z);
+        else WIDEN((bounds + face), x, y, z, x, y, z);
+    }
+    barrier(CLK_LOCAL_MEM_FENCE);
+    for (int face = item; fits && face < faces; face += BOUNDS_GROUP) {
+        __global volatile int *own = bounds + 6 * face;
+        __local volatile int *group = near + 6 * face;
+        WIDEN(own, group[0], group[1], group[2], group[3], group[4], group[5]);
+    }
+}
+#endif
 
 // Number of each photon's cell.
 __kernel void grid_keys(__global const float *photon_positions, __global const float *photon_faces,

@@ -167,8 +167,7 @@ fn measure_stages(scene: &Scene, plan: &Plan, subjects: &mut [Subject], steps: &
         let grids = in_turn(&mut numbered, plan.rounds, |(i, subject), round| {
             let mut settings = base.clone();
             settings.photons.amount = Amount::Stored(stored);
-            // Another radius makes another grid of the same photons; a thousandth changes nothing else.
-            settings.gather.radius = Some(radius * (1.0 + 1e-3 * round as f32));
+            settings.photons.pass = round; // a map that was never sorted: what a frame has
             let times = subject.pipeline.render(scene, &settings)?.times;
             if round > 0 && subject.pipeline.backend == Backend::OpenGl {
                 // What the driver put off shows in the trace that follows, and not in the next.

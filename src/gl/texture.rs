@@ -8,6 +8,12 @@ use crate::census::{Counted, Kind};
 use crate::error::{Error, Result};
 use crate::layout::{Record, Shape, TEXEL};
 
+/// Whether a table of one shape can lie in an image of another: rows are as wide, and not too much of it would lie idle.
+/// Tables of views that move change their length in every picture, and drivers take their time to make an image.
+fn serves(image: Shape, table: Shape) -> bool {
+    image.width == table.width && (table.height..=2 * table.height).contains(&image.height)
+}
+
 /// A table of records; deleted when dropped.
 pub struct TableTexture {
     gl: Functions,
@@ -101,7 +107,7 @@ impl TableTexture {
                 )));
             }
             gl.bind_texture(glow::TEXTURE_2D, Some(self.handle));
-            if self.shape != Some(shape) {
+            if !self.shape.is_some_and(|have| serves(have, shape)) {
                 gl.tex_image_2d(
                     glow::TEXTURE_2D,
                     0,

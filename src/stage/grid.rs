@@ -7,7 +7,7 @@
 
 use super::fullest::Fullest;
 use super::photon_map::{PhotonMap, Photons};
-use super::sort::{Scratch, Sort, share};
+use super::sort::{Scratch, Sort, each, share};
 use super::trace::draws::{cells_within, touched};
 use crate::cells::{Bounds, CellSize, Form, Plan, plan};
 use crate::cl::{Arg, Buffer, Context, Kernel, PART_ALIGNMENT};
@@ -168,17 +168,17 @@ pub struct GridStage {
     spare: Option<Buffer<Texel>>,
 }
 
+/// Work-items that find bounds together: on GPUs, atomics of local memory spare those of the device's.
+fn bounds_group(context: &Context) -> usize {
+    if context.device.lanes == 1 { 256 } else { 1 }
+}
+
+/// Faces that local memory has room for: 6 KiB.
+const BOUNDS_FACES: usize = 256;
+
 /// Undoes `ordered` of `grid.cl`: floats as ints that compare alike.
 fn from_ordered(i: i32) -> f32 {
     f32::from_bits((i ^ ((i >> 31) & 0x7fff_ffff)) as u32)
-}
-
-/// Makes a buffer at least so long; its content is lost when it grows.
-pub(super) fn fit<T: bytemuck::Pod>(context: &Context, buffer: &mut Buffer<T>, len: usize) -> Result<()> {
-    if buffer.len() < len {
-        *buffer = Buffer::new(context, len)?;
-    }
-    Ok(())
 }
 
 impl GridStage {
@@ -187,9 +187,12 @@ impl GridStage {
     /// # Errors
     /// [`crate::error::Error::Build`] when the driver refuses a kernel.
     pub fn new(context: &Context) -> Result<GridStage> {
+        let group = bounds_group(context);
+        let defines = vec![format!("BOUNDS_GROUP {group}"), format!("BOUNDS_FACES {BOUNDS_FACES}")];
+        let bounds = assemble("grid.cl", None, &Options { defines, ..Options::default() });
         let source = assemble("grid.cl", None, &Options::default());
         Ok(GridStage {
-            bounds_kernel: context.kernel(&source, "grid_bounds")?,
+            bounds_kernel: context.kernel(&bounds, "grid_bounds")?,
             kernels: [None, None],
             sort: Sort::new(context)?,
             fullest: Fullest::new(context)?,
@@ -237,12 +240,12 @@ impl GridStage {
         let kernels = self.kernels[slot].as_ref().expect("built above");
 
         let grid = &mut self.grid;
-        fit(context, &mut grid.faces, grid.plan.faces.len())?;
+        grid.faces.fit(context, grid.plan.faces.len())?;
         grid.faces.write(context, &grid.plan.faces)?;
         // While the sort counts, cells have no starts yet.
         let starts = (cells + 1).max(self.sort.places(context, count)).next_multiple_of(TEXEL);
-        fit(context, &mut grid.cell_starts, starts)?;
-        fit(context, &mut self.order, map.positions.len())?;
+        grid.cell_starts.fit(context, starts)?;
+        self.order.fit(context, map.positions.len())?;
         let room = map.positions.len().next_multiple_of(PART_ALIGNMENT / 4);
         let spare = match self.spare.take() {
             Some(spare) if spare.len() >= room => spare,
@@ -258,7 +261,7 @@ impl GridStage {
             Scratch { keys: [part(0)?, part(1)?], values, places }
         };
 
-        let (items, per_item) = share(context, count);
+        let (items, per_item) = each(context, count);
         let tail: [Arg; 2] = [(count as i32).into(), (per_item as i32).into()];
         let args = [
             (&map.positions).into(),
@@ -276,10 +279,6 @@ impl GridStage {
         // One place more than there are photons: it ends the last cell.
         context.launch(&kernels.starts, &args, &[(count + 1).div_ceil(per_item)], None)?;
         drop(scratch);
-        grid.fullest = match pace::cuts_all(context.device.is_gpu) {
-            true => Some(self.fullest.of(context, &grid.cell_starts, cells)?),
-            false => None,
-        };
 
         let order: Arg = (&self.order).into();
         let reorder = |from: Buffer<Texel>, to: Buffer<Texel>| -> Result<(Buffer<Texel>, Buffer<Texel>)> {
@@ -319,6 +318,11 @@ impl GridStage {
             None => self.spare = Some(free),
         }
         grid.sorted = Some(sorted);
+        // Last, since the host waits for it.
+        grid.fullest = match pace::cuts_all(context.device.is_gpu) {
+            true => Some(self.fullest.of(context, &grid.cell_starts, cells)?),
+            false => None,
+        };
         Ok(&self.grid)
     }
 
@@ -327,7 +331,7 @@ impl GridStage {
     /// # Errors
     /// [`crate::error::Error::Device`] when a launch is refused.
     pub fn restore(&mut self, context: &Context) -> Result<Option<PhotonMap>> {
-        let (items, per_item) = share(context, self.grid.count);
+        let (items, per_item) = each(context, self.grid.count);
         let tail: [Arg; 2] = [(self.grid.count as i32).into(), (per_item as i32).into()];
         let order: Arg = (&self.order).into();
         let Some((map, free)) = self.take_tables() else { return Ok(None) };
@@ -385,17 +389,20 @@ impl GridStage {
 
     fn bounds(&mut self, context: &Context, faces: usize, photons: &Photons) -> Result<Vec<Bounds>> {
         let nothing: Vec<i32> = (0..6 * faces).map(|i| if i % 6 < 3 { i32::MAX } else { i32::MIN }).collect();
-        fit(context, &mut self.bounds, nothing.len())?;
+        self.bounds.fit(context, nothing.len())?;
         self.bounds.write(context, &nothing)?;
         let (items, per_item) = share(context, photons.count);
         let args = [
             photons.positions.into(),
             photons.faces.into(),
             (&self.bounds).into(),
+            (faces as i32).into(),
             (photons.count as i32).into(),
             (per_item as i32).into(),
         ];
-        context.launch(&self.bounds_kernel, &args, &[items], None)?;
+        let group = [bounds_group(context)];
+        let local = (group[0] > 1).then_some(&group[..]);
+        context.launch(&self.bounds_kernel, &args, &[items], local)?;
         let mut found = nothing;
         self.bounds.read(context, &mut found)?;
         let bounds = |b: &[i32]| match b {

@@ -136,7 +136,7 @@ impl IrradianceStage {
                 let context = &stage.context;
                 let emitters = scene.paths.plan.emitters(paths);
                 let quanta = Quanta::of(&emitters, paths);
-                let emitters = Buffer::from_slice(context, &emitters)?;
+                let emitters = scene.paths.emitters(context, paths)?;
                 let count = scene.texels.len();
                 let sums = Arg::from(&scene.sums);
                 context.launch(clear, &[sums, (3 * count as u32).into()], &[3 * count], None)?;

@@ -8,6 +8,7 @@ use crate::emission::{Amount, Emission, Plan, Sampler};
 use crate::error::{Error, Result};
 use crate::features::Features;
 use crate::layout::{Emitter, MAX_EXACT_INDEX};
+use crate::memory::RECORDING_BYTES;
 use crate::pack::Packed;
 use crate::source::{Options, assemble};
 use crate::stage::paths::{Paths, Range};
@@ -37,12 +38,17 @@ pub struct Photons {
     scan: Rc<Scan>,
     kernels: Option<Kernels>,
     paths: Option<Paths>,
+    /// Memory of the last pass's offsets, for the next one's: fresh memory costs a GPU's driver 0.1 ms and more.
+    offsets: Option<Buffer<u32>>,
 }
+
+/// Bytes of offsets that are worth keeping: as much as CPUs record in.
+const KEPT: usize = RECORDING_BYTES;
 
 impl Photons {
     /// On an open device.
     pub fn new(context: Rc<Context>, scan: Rc<Scan>) -> Photons {
-        Photons { context, scan, kernels: None, paths: None }
+        Photons { context, scan, kernels: None, paths: None, offsets: None }
     }
 
     /// Takes over the scene's records, and how its lights share their paths.
@@ -121,14 +127,15 @@ impl Photons {
             Amount::Paths(paths) => (paths, u32::MAX),
             Amount::Stored(wanted) => (pass.paths_to_store(wanted)?, wanted),
         };
-        let emitters = Buffer::from_slice(&self.context, &scene.plan.emitters(paths))?;
+        let emitters = scene.emitters(&self.context, paths)?;
         match storing {
             Storing::Again(store) => {
-                let runs = pass.count(&emitters, 0, paths)?;
+                let runs = pass.count(&emitters, 0, paths, self.offsets.take())?;
                 let stored = runs.stored.min(limit);
                 check_stored(paths, stored.into())?;
                 let map = PhotonMap::new(&self.context, old, glossy, stored as usize, paths)?;
                 pass.store(store, &emitters, &runs, &map)?;
+                self.offsets = Some(runs.offsets).filter(|offsets| offsets.bytes() <= KEPT);
                 Ok(map)
             }
             Storing::Recorded(recorder) => {
@@ -168,12 +175,15 @@ struct Runs {
 }
 
 impl Pass<'_> {
-    /// Counts what paths `[first, end)` store.
-    fn count(&self, emitters: &Buffer<Emitter>, first: u32, end: u32) -> Result<Runs> {
+    /// Counts what paths `[first, end)` store, in old memory where that is large enough.
+    fn count(&self, emitters: &Buffer<Emitter>, first: u32, end: u32, old: Option<Buffer<u32>>) -> Result<Runs> {
         let range = Range::new(self.context, first, end);
         let runs = range.runs();
         let padded = runs.next_multiple_of(self.context.device.lanes) as usize;
-        let offsets = Buffer::new(self.context, padded + 1)?;
+        let offsets = match old {
+            Some(old) if old.len() > padded => old,
+            _ => Buffer::new(self.context, padded + 1)?,
+        };
         if runs == 0 {
             return Ok(Runs { offsets, range, stored: 0 });
         }
@@ -199,11 +209,11 @@ impl Pass<'_> {
     fn paths_to_store(&self, wanted: u32) -> Result<u32> {
         // The walk does not depend on how much power a path has, only on the ratio of its channels.
         let batch = wanted.clamp(1 << 16, 1 << 22);
-        let emitters = Buffer::from_slice(self.context, &self.scene.plan.emitters(batch))?;
+        let emitters = self.scene.emitters(self.context, batch)?;
         let (mut stored, mut first) = (0u64, 0u32);
         loop {
             let end = first.saturating_add(batch);
-            let runs = self.count(&emitters, first, end)?;
+            let runs = self.count(&emitters, first, end, None)?;
             if stored + u64::from(runs.stored) >= u64::from(wanted) {
                 let missing = (u64::from(wanted) - stored) as u32;
                 let offsets = runs.offsets.to_vec(self.context)?;

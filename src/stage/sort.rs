@@ -11,7 +11,12 @@ pub struct Sort {
     scatter: Kernel,
     scan: Scan,
     digit_bits: u32,
+    /// Work-items that sort a run together.
+    group: usize,
 }
+
+/// Work-items of a GPU's work-group, and pairs of each of them: 27 KiB of local memory, of which OpenCL 1.2 promises 32.
+const GROUP: (usize, usize) = (256, 8);
 
 /// What a sort works in.
 pub struct Scratch {
@@ -40,13 +45,20 @@ impl Scratch {
     }
 }
 
-/// How `count` elements are shared out: work-items, and neighbouring elements for each.
+/// How `count` elements are shared out among work-items that count or add something up over theirs: work-items, and
+/// neighbouring elements for each.
 ///
 /// A CPU's work-item is a long loop, a few for each core so that the last one does not keep the others waiting; a GPU
-/// wants as many as it gets, but for each a run long enough to spread the cost of its counters.
+/// wants as many as it gets, but for each a run long enough to spread the cost of its sums.
 pub fn share(context: &Context, count: usize) -> (usize, usize) {
+    if context.device.lanes == 1 { (count.div_ceil(16).max(1), 16) } else { each(context, count) }
+}
+
+/// The same where elements have nothing to do with each other: on a GPU one for each work-item, so that neighbours read
+/// and write neighbouring memory (2 to 4 times as fast there).
+pub fn each(context: &Context, count: usize) -> (usize, usize) {
     let per_item = if context.device.lanes == 1 {
-        16
+        1
     } else {
         count.div_ceil(4 * context.device.compute_units.max(1) as usize).max(1024)
     };
@@ -59,17 +71,27 @@ impl Sort {
     /// # Errors
     /// [`crate::error::Error::Build`] when the driver refuses them.
     pub fn new(context: &Context) -> Result<Sort> {
-        // Counters of a GPU's work-item: 16, in registers or nearly; of a CPU's: 8 KiB, inside its L1 cache, and two
-        // passes for every table up to 2²² cells (measured at 6, 8, 9 and 11 bits).
-        let digit_bits = if context.device.lanes == 1 { 4 } else { 11 };
-        let defines = vec![format!("DIGIT_BITS {digit_bits}")];
+        // On a GPU two halves of 16 counters a work-item; on a CPU 8 KiB, inside its L1 cache, and two passes for every
+        // table up to 2²² cells (measured at 6, 8, 9 and 11 bits).
+        let (digit_bits, (group, per_item)) = if context.device.lanes == 1 { (8, GROUP) } else { (11, (1, 1)) };
+        let defines =
+            vec![format!("DIGIT_BITS {digit_bits}"), format!("GROUP {group}"), format!("PER_ITEM {per_item}")];
         let source = assemble("sort.cl", None, &Options { defines, ..Options::default() });
         Ok(Sort {
             count: context.kernel(&source, "sort_count")?,
             scatter: context.kernel(&source, "sort_scatter")?,
             scan: Scan::new(context)?,
             digit_bits,
+            group,
         })
+    }
+
+    /// Who counts: work-items, or a GPU's work-groups; and how many neighbouring pairs each of them.
+    fn owners(&self, context: &Context, count: usize) -> (usize, usize) {
+        match self.group {
+            1 => share(context, count),
+            group => (count.div_ceil(group * GROUP.1).max(1), group * GROUP.1),
+        }
     }
 
     /// Makes room for `count` pairs.
@@ -77,19 +99,18 @@ impl Sort {
     /// # Errors
     /// [`crate::error::Error::Device`] when memory is short.
     pub fn reserve(&self, context: &Context, scratch: &mut Scratch, count: usize) -> Result<()> {
-        if scratch.keys[0].len() < count {
-            scratch.keys = [Buffer::new(context, count)?, Buffer::new(context, count)?];
-            scratch.values = [Buffer::new(context, count)?, Buffer::new(context, count)?];
+        let [one, other] = &mut scratch.keys;
+        let [first, second] = &mut scratch.values;
+        for buffer in [one, other, first, second] {
+            buffer.fit(context, count)?;
         }
-        if scratch.places.len() < self.places(context, count) {
-            scratch.places = Buffer::new(context, self.places(context, count))?;
-        }
+        scratch.places.fit(context, self.places(context, count))?;
         Ok(())
     }
 
     /// Counters that a sort of `count` pairs takes.
     pub fn places(&self, context: &Context, count: usize) -> usize {
-        share(context, count).0 << self.digit_bits
+        self.owners(context, count).0 << self.digit_bits
     }
 
     /// Passes over keys below `limit`.
@@ -110,23 +131,25 @@ impl Sort {
     /// # Errors
     /// [`crate::error::Error::Device`] when a launch is refused.
     pub fn sort(&self, context: &Context, scratch: &Scratch, count: usize, limit: usize) -> Result<usize> {
-        let (items, per_item) = share(context, count);
+        let (owners, per_owner) = self.owners(context, count);
+        let (global, local) = ([owners * self.group], [self.group]);
+        let local = (self.group > 1).then_some(&local[..]);
         let passes = self.passes(limit);
         let mut from = 0;
         for pass in 0..passes {
             let (to, shift) = (1 - from, (pass * self.digit_bits) as i32);
-            let (count_arg, per_item_arg) = ((count as i32).into(), (per_item as i32).into());
-            let items_arg = (items as i32).into();
+            let (count_arg, per_owner_arg) = ((count as i32).into(), (per_owner as i32).into());
+            let owners_arg = (owners as i32).into();
             let args = [
                 (&scratch.keys[from]).into(),
                 (&scratch.places).into(),
                 count_arg,
-                per_item_arg,
+                per_owner_arg,
                 shift.into(),
-                items_arg,
+                owners_arg,
             ];
-            context.launch(&self.count, &args, &[items], None)?;
-            self.scan.exclusive(context, &scratch.places, items << self.digit_bits)?;
+            context.launch(&self.count, &args, &global, local)?;
+            self.scan.exclusive(context, &scratch.places, owners << self.digit_bits)?;
             let args = [
                 (&scratch.keys[from]).into(),
                 (&scratch.values[from]).into(),
@@ -134,12 +157,12 @@ impl Sort {
                 (&scratch.keys[to]).into(),
                 (&scratch.values[to]).into(),
                 count_arg,
-                per_item_arg,
+                per_owner_arg,
                 shift.into(),
                 i32::from(pass == 0).into(),
-                items_arg,
+                owners_arg,
             ];
-            context.launch(&self.scatter, &args, &[items], None)?;
+            context.launch(&self.scatter, &args, &global, local)?;
             from = to;
         }
         debug_assert_eq!(from, self.result(limit));

@@ -2,10 +2,9 @@
 //! of what tiles see, seven numbers each, from which the host lays the regions out.
 
 use super::fullest::Fullest;
-use super::grid::fit;
 use super::photon_map::Photons;
 use super::scan::Scan;
-use super::sort::{Scratch, Sort, share};
+use super::sort::{Scratch, Sort, each, share};
 use super::trace::draws::{cells_within, touched};
 use crate::cells::Bounds;
 use crate::cl::{Arg, Buffer, Context, Kernel};
@@ -91,6 +90,11 @@ impl Tiles {
 /// A strip's slot as `tiles_seen` writes it: face, lowest x, y, z, highest x, y, z.
 type Slot = [f32; 7];
 
+/// Whether lists of one kind take about as long to make as those of another.
+fn takes_alike(one: &Wanted, other: &Wanted) -> bool {
+    one.tile == other.tile && one.cells == other.cells && (0.9..1.1).contains(&(one.radius / other.radius))
+}
+
 /// The tile stage: its kernels, its scratch memory and the tiles that it built last.
 pub struct TileStage {
     seen_kernel: Option<(Features, Kernel)>,
@@ -166,8 +170,8 @@ impl TileStage {
     /// # Errors
     /// [`crate::error::Error::Build`] and [`crate::error::Error::Device`] from the driver.
     pub fn upload(&mut self, context: &Context, packed: &Packed, features: &Features) -> Result<()> {
-        fit(context, &mut self.objects, packed.objects.len())?;
-        fit(context, &mut self.lights, packed.lights.len())?;
+        self.objects.fit(context, packed.objects.len())?;
+        self.lights.fit(context, packed.lights.len())?;
         self.objects.write(context, &packed.objects)?;
         self.lights.write(context, &packed.lights)?;
         if self.seen_kernel.as_ref().is_none_or(|(built, _)| built != features) {
@@ -194,12 +198,12 @@ impl TileStage {
         let strip = tile.map(|pixels| pixels.min(side));
         let strips = tile[0].div_ceil(strip[0]) * tile[1].div_ceil(strip[1]);
         let work_items = (tiles[0] * tiles[1] * strips) as usize;
-        fit(context, &mut self.seen_counts, work_items)?;
+        self.seen_counts.fit(context, work_items)?;
         let samples = frame.samples.max(1.0) as usize;
         loop {
             // No strip sees more faces than it has rays.
             let slots = self.seen_slots.min(strip[0] as usize * strip[1] as usize * samples);
-            fit(context, &mut self.seen, work_items * slots)?;
+            self.seen.fit(context, work_items * slots)?;
             let args = [
                 (&self.frame).into(),
                 (&self.objects).into(),
@@ -253,7 +257,7 @@ impl TileStage {
     ) -> Result<&Tiles> {
         let seen = self.seen(context, frame, wanted.tile)?;
         let plan = plan(objects, frame, seen, photons.count, wanted)?;
-        if self.paced_for.replace(*wanted).is_some_and(|last| last != *wanted) {
+        if self.paced_for.replace(*wanted).is_some_and(|last| !takes_alike(&last, wanted)) {
             self.count.pace.forget();
             self.fill.pace.forget();
         }
@@ -267,18 +271,18 @@ impl TileStage {
     pub fn fill(&mut self, context: &Context, plan: Plan, frame: &Frame, photons: &Photons) -> Result<&Tiles> {
         self.frame.write(context, std::slice::from_ref(frame))?;
         let tiles = &mut self.tiles;
-        fit(context, &mut tiles.tiles, plan.tiles.len())?;
-        fit(context, &mut tiles.regions, plan.regions.len())?;
-        fit(context, &mut tiles.cell_starts, (plan.cells + 1).next_multiple_of(TEXEL))?;
+        tiles.tiles.fit(context, plan.tiles.len())?;
+        tiles.regions.fit(context, plan.regions.len())?;
+        tiles.cell_starts.fit(context, (plan.cells + 1).next_multiple_of(TEXEL))?;
         tiles.tiles.write(context, &plan.tiles)?;
         tiles.regions.write(context, &plan.regions)?;
         tiles.gather.write(context, &[plan.gather])?;
 
         let lines = &plan.lines;
-        fit(context, &mut self.slots, lines.slots.len())?;
-        fit(context, &mut self.starts_of_lines, lines.starts.len())?;
-        fit(context, &mut self.columns, lines.columns.len())?;
-        fit(context, &mut self.boxes, lines.boxes.len())?;
+        self.slots.fit(context, lines.slots.len())?;
+        self.starts_of_lines.fit(context, lines.starts.len())?;
+        self.columns.fit(context, lines.columns.len())?;
+        self.boxes.fit(context, lines.boxes.len())?;
         self.slots.write(context, &lines.slots)?;
         self.starts_of_lines.write(context, &lines.starts)?;
         self.columns.write(context, &lines.columns)?;
@@ -286,8 +290,8 @@ impl TileStage {
 
         // How many regions each run of photons enters, and in all.
         let (items, per_item) = share(context, photons.count);
-        fit(context, &mut self.counts, items)?;
-        fit(context, &mut self.entered, photons.count)?;
+        self.counts.fit(context, items)?;
+        self.entered.fit(context, photons.count)?;
         let common: [Arg; 9] = [
             photons.positions.into(),
             photons.faces.into(),
@@ -311,8 +315,8 @@ impl TileStage {
         self.scan.exclusive(context, &self.counts, items)?;
 
         // The pairs, sorted by cell.
-        fit(context, &mut self.pair_photons, pairs)?;
-        fit(context, &mut tiles.tile_photons, pairs.next_multiple_of(TEXEL))?;
+        self.pair_photons.fit(context, pairs)?;
+        tiles.tile_photons.fit(context, pairs.next_multiple_of(TEXEL))?;
         self.sort.reserve(context, &mut self.scratch, pairs)?;
         let places: [Arg; 5] = [
             (&self.counts).into(),
@@ -324,7 +328,7 @@ impl TileStage {
         let args = [&[(&tiles.regions).into()], &common[..], &places].concat();
         context.launch(&self.fill, &args, &[items], None)?;
         let sorted = self.sort.sort(context, &self.scratch, pairs, plan.cells)?;
-        let (items, per_item) = share(context, pairs);
+        let (items, per_item) = each(context, pairs);
         let tail: [Arg; 2] = [(pairs as i32).into(), (per_item as i32).into()];
         let keys: Arg = (&self.scratch.keys[sorted]).into();
         let args = [keys, (&tiles.cell_starts).into(), tail[0], (plan.cells as i32).into(), tail[1]];

@@ -15,7 +15,7 @@ use std::ops::Deref;
 use std::sync::{Mutex, MutexGuard};
 
 use photile::cells::{CellSize, Form, Plan, plan};
-use photile::cl::Context;
+use photile::cl::{Context, devices};
 use photile::cpu::grid::{PhotonSurface, PhotonTables, face_of, grid_bounds};
 use photile::cpu::random::{hash2_u, unit_real};
 use photile::layout::{Object, PLANE, PhotonDirection, PhotonPosition, PhotonPower, SPHERE};
@@ -161,7 +161,19 @@ impl Deref for Device {
 /// The first OpenCL device: every machine that runs the tests has one, if only PoCL. One test at a time: PoCL and
 /// llvmpipe share one LLVM, and crash when both compile at once.
 pub fn device() -> Device {
-    static ALONE: Mutex<()> = Mutex::new(());
-    let alone = ALONE.lock().unwrap_or_else(|failed| failed.into_inner());
+    let alone = alone();
     Device { context: open_device(None, &mut |_| {}).expect("an OpenCL device"), _alone: alone }
+}
+
+/// The same as GPUs are driven: one lane a work-item, and work-groups that share local memory.
+pub fn like_a_gpu() -> Device {
+    let alone = alone();
+    let mut device = devices(None).expect("OpenCL").remove(0);
+    device.lanes = 1;
+    Device { context: Context::new(device).expect("an OpenCL device"), _alone: alone }
+}
+
+fn alone() -> MutexGuard<'static, ()> {
+    static ALONE: Mutex<()> = Mutex::new(());
+    ALONE.lock().unwrap_or_else(|failed| failed.into_inner())
 }

@@ -7,7 +7,7 @@ use photile::layout::TEXEL;
 use photile::stage::grid::{GridStage, Wanted};
 use photile::stage::photon_map::first;
 
-use super::{Map, Random, device, room, room_photons, upload};
+use super::{Device, Map, Random, device, like_a_gpu, room, room_photons, upload};
 
 /// What the device made, without the order, which it keeps to itself.
 fn built(context: &Context, stage: &mut GridStage, map: &Map, wanted: &Wanted) -> GridTables {
@@ -54,21 +54,37 @@ const FORMS: [Form; 4] = [Form::Auto, Form::Dense, Form::Hashed(None), Form::Has
 
 #[test]
 fn device_and_twin_build_the_same_tables() {
-    let context = device();
-    let mut stage = GridStage::new(&context).unwrap();
+    build_the_same_tables(&device());
+}
+
+#[test]
+fn work_groups_build_the_twins_tables() {
+    build_the_same_tables(&like_a_gpu());
+}
+
+fn build_the_same_tables(context: &Device) {
+    let mut stage = GridStage::new(context).unwrap();
     // One stage for all: buffers that once held more must not shine through.
     for count in [100_000, 20_000, 1000, 17, 2, 1, 0] {
         let map = room_photons(count, count as u32);
         for form in FORMS {
-            check(&context, &mut stage, &map, &wanted(0.3, form));
+            check(context, &mut stage, &map, &wanted(0.3, form));
         }
     }
 }
 
 #[test]
 fn hard_maps_build_alike() {
-    let context = device();
-    let mut stage = GridStage::new(&context).unwrap();
+    build_hard_maps_alike(&device());
+}
+
+#[test]
+fn work_groups_build_hard_maps_alike() {
+    build_hard_maps_alike(&like_a_gpu());
+}
+
+fn build_hard_maps_alike(context: &Device) {
+    let mut stage = GridStage::new(context).unwrap();
     let mut random = Random::new(5);
     let mut heap = room_photons(1000, 6);
     for _ in 0..20_000 {
@@ -85,9 +101,9 @@ fn hard_maps_build_alike() {
     }
     for map in [heap, borders, far] {
         for form in [Form::Auto, Form::Hashed(None), Form::Hashed(Some(8))] {
-            check(&context, &mut stage, &map, &wanted(0.5, form));
+            check(context, &mut stage, &map, &wanted(0.5, form));
         }
     }
     let counts = Wanted { size: CellSize::Counts([60, 40, 40]), ..Wanted::radius(1.0) };
-    check(&context, &mut stage, &room_photons(12_000, 8), &counts);
+    check(context, &mut stage, &room_photons(12_000, 8), &counts);
 }

@@ -18,7 +18,7 @@ use photile::settings::{Amount, Backend, Gather, Settings};
 use photile::stage::tiles::TileStage;
 use photile::tiling::{self, Wanted, plan};
 
-use super::{Map, ROOM_SPHERES, Random, device, room, room_photons, upload};
+use super::{Device, Map, ROOM_SPHERES, Random, device, like_a_gpu, room, room_photons, upload};
 
 pub const FEATURES: Features = Features {
     spheres: true,
@@ -160,21 +160,29 @@ fn slopes_bound_every_point_of_a_disc() {
 
 #[test]
 fn device_and_twin_make_the_same_lists_and_see_the_same() {
-    let context = device();
-    let mut stage = TileStage::new(&context).unwrap();
+    make_the_same_lists(&device());
+}
+
+#[test]
+fn work_groups_make_the_twins_lists() {
+    make_the_same_lists(&like_a_gpu());
+}
+
+fn make_the_same_lists(context: &Device) {
+    let mut stage = TileStage::new(context).unwrap();
     let packed = packed();
     let mut random = Random::new(25);
     for (case, count) in [20_000, 3000, 17, 1, 0].into_iter().enumerate() {
         let map = room_photons(count, 26);
-        let uploaded = upload(&context, &map);
+        let uploaded = upload(context, &map);
         for tile in [[7, 5], [16, 16], [1, 1], [64, 64]] {
             let frame = view(&mut random, 1 + case as u32 % 2);
             let features = Features { one_sample: frame.samples == 1.0, ..FEATURES };
-            stage.upload(&context, &packed, &features).unwrap();
+            stage.upload(context, &packed, &features).unwrap();
             let wanted = Wanted { radius: 0.4, tile, cells: tile[0] % 2 == 0 };
             let of = |seen| plan(&packed.objects, &frame, seen, count, &wanted).unwrap();
             let twin = of(tiles_seen(&SceneTables::new(&packed, &features), &frame, tile));
-            let found = of(stage.seen(&context, &frame, tile).unwrap());
+            let found = of(stage.seen(context, &frame, tile).unwrap());
             // A ray along an edge may hit either side of it: other regions, but few.
             let same = |plan: &tiling::Plan| plan.regions.iter().map(|r| r.face).collect::<Vec<_>>();
             assert!(same(&twin).len().abs_diff(same(&found).len()) <= 2, "{:?}, {:?}", same(&twin), same(&found));
@@ -186,9 +194,9 @@ fn device_and_twin_make_the_same_lists_and_see_the_same() {
                 }
             }
             let expected = tiles(&map.tables(), &twin, &frame).unwrap();
-            let made = stage.fill(&context, twin.clone(), &frame, &uploaded.view()).unwrap();
-            let mut starts = made.cell_starts.to_vec(&context).unwrap();
-            let mut photons = made.tile_photons.to_vec(&context).unwrap();
+            let made = stage.fill(context, twin.clone(), &frame, &uploaded.view()).unwrap();
+            let mut starts = made.cell_starts.to_vec(context).unwrap();
+            let mut photons = made.tile_photons.to_vec(context).unwrap();
             starts.truncate(twin.cells + 1);
             photons.truncate(made.pairs);
             assert!(starts == expected.cell_starts, "{count} photons, {tile:?}");
