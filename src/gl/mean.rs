@@ -16,6 +16,8 @@ pub struct Mean {
     program: Program,
     /// Takes what another picture, of another size, has there.
     patch: Program,
+    /// Goes over from the row above a gap to the one below.
+    bridge: Program,
     /// Where a film in host memory goes first.
     upload: Texture,
     /// Width, height, and the passes since the last whole block.
@@ -43,12 +45,26 @@ impl Mean {
     /// [`Error::Build`] and [`Error::Device`] from the driver.
     pub fn new(gl: &Functions) -> Result<Mean> {
         let program = Program::new(gl, &assemble("mean.frag", None, &Options::default()))?;
-        let scaled = Options { defines: vec!["SCALED".into()], ..Options::default() };
-        let patch = Program::new(gl, &assemble("mean.frag", None, &scaled))?;
+        let variant = |define: &str| {
+            let options = Options { defines: vec![define.into()], ..Options::default() };
+            Program::new(gl, &assemble("mean.frag", None, &options))
+        };
+        let (patch, bridge) = (variant("SCALED")?, variant("BRIDGED")?);
         // SAFETY: the context is current; the texture is owned by the result.
         let upload = unsafe { gl.create_texture() }.map_err(|e| Error::Device(format!("OpenGL: texture: {e}")))?;
         let _counted = Counted::new(Kind::OpenGl);
-        Ok(Mean { gl: gl.clone(), program, patch, upload, block: None, whole: None, passes: 0, merged: 0, _counted })
+        Ok(Mean {
+            gl: gl.clone(),
+            program,
+            patch,
+            bridge,
+            upload,
+            block: None,
+            whole: None,
+            passes: 0,
+            merged: 0,
+            _counted,
+        })
     }
 
     /// Forgets all passes.
@@ -141,7 +157,32 @@ impl Mean {
         target.draw_rows(&self.patch, rows)
     }
 
-    /// The same from a picture in host memory.
+    /// Fills rows that the first pass lacks, from and to each, with what lies between the rows around them. `pass` is that
+    /// pass; none where it came from host memory.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when the driver reports an error.
+    pub fn bridge(&self, pass: Option<Texture>, rows: &[[u32; 2]]) -> Result<()> {
+        let Some((_, height, target)) = &self.block else { return Ok(()) };
+        let mut rows = rows.to_vec();
+        rows.sort_unstable();
+        self.bridge.activate(&["pass"]);
+        // SAFETY: the context is current.
+        unsafe {
+            self.gl.active_texture(glow::TEXTURE0);
+            self.gl.bind_texture(glow::TEXTURE_2D, Some(pass.unwrap_or(self.upload)));
+        }
+        for gap in rows.chunk_by(|one, next| one[1] == next[0]) {
+            let (from, to) = (gap[0][0], gap[gap.len() - 1][1]);
+            // At an edge of the picture there is one row only.
+            let (above, below) = (from.checked_sub(1).unwrap_or(to), if to < *height { to } else { from - 1 });
+            self.bridge.set_texels("gap", &[above as f32, below as f32, 0.0]);
+            target.draw_rows(&self.bridge, &[[from, to]])?;
+        }
+        Ok(())
+    }
+
+    /// The same as [`Mean::patch`] from a picture in host memory.
     ///
     /// # Errors
     /// As [`Mean::patch`].

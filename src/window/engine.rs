@@ -37,7 +37,7 @@ pub struct Made {
     pub level: Level,
     /// Share of the picture that was not there when its time was over: there it is coarser.
     pub missed: f64,
-    /// Milliseconds that drawing the rest so took.
+    /// Milliseconds that this took.
     pub patch_ms: f64,
     /// Passes in the mean; 0: a single picture of what moves.
     pub passes: u64,
@@ -80,6 +80,9 @@ pub enum Until {
 
 /// What a piece of a picture should take, ms: less than a frame that waits for it, or ends with it.
 pub const PIECE: f64 = 12.0;
+/// So much of a picture may be missing to be filled in by what is there, which takes no time; of more, the rest is drawn
+/// coarsely, which takes nearly as long as drawing it: a software rasteriser shares out blocks of 64 × 64 pixels.
+const BRIDGED: f64 = 0.5;
 /// Pixels of what is drawn coarsely are so many times as wide and high: a ninth of the cost.
 const PATCH: u32 = 3;
 
@@ -126,18 +129,34 @@ impl Engine {
             let settings = request.draft(level);
             let Some(drawn) = engine.draw(request, &settings, until)? else { return Ok(None) };
             engine.mean.restart();
-            engine.show(&settings)?;
+            let image = engine.show(&settings)?;
             let mut made = Made { level, ..engine.made(start, request, drawn, &settings) };
             let missing = engine.pipeline.as_ref().map(|pipeline| pipeline.missing().to_vec()).unwrap_or_default();
             if !missing.is_empty() {
-                engine.patch(request, &settings, &missing)?;
                 let rows: u32 = missing.iter().map(|[from, to]| to - from).sum();
                 made.missed = f64::from(rows) / f64::from(settings.height);
+                match made.missed <= BRIDGED {
+                    true => engine.bridge(image.is_some(), &missing)?,
+                    false => engine.patch(request, &settings, &missing)?,
+                }
                 made.patch_ms = start.elapsed().as_secs_f64() * 1e3 - made.frame_ms;
                 made.frame_ms += made.patch_ms;
             }
             Ok(Some(made))
         })
+    }
+
+    /// Fills in what a picture lacks when its time is over, by the rows around it: they are from all over the picture.
+    fn bridge(&mut self, is_host: bool, missing: &[[u32; 2]]) -> Result<()> {
+        let film = match &mut self.pipeline {
+            Some(pipeline) if !is_host => Some(pipeline.film()?),
+            _ => None,
+        };
+        let pass = film.and_then(|film| match film {
+            Film::Texture(texture) => Some(texture),
+            Film::Host(_) => None,
+        });
+        self.mean.bridge(pass, missing)
     }
 
     /// Draws what a picture lacks when its time is over: coarsely.

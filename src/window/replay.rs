@@ -82,7 +82,7 @@ pub struct Counting {
 impl Counting {
     /// From the beginning; with a `table` of all pictures or without.
     pub fn new(table: bool) -> Counting {
-        let head = "frame,ms,coarse,fewer,direct_only,width,height,compile,emit,grid,tiles,upload,trace\n";
+        let head = "frame,ms,coarse,fewer,direct_only,width,height,compile,emit,grid,tiles,upload,trace,missed,patch\n";
         Counting { table: table.then(|| head.into()), ..Counting::default() }
     }
 
@@ -100,7 +100,7 @@ impl Counting {
             let (level, t, [width, height]) = (made.level, &made.times, made.size);
             let _ = writeln!(
                 table, // a string takes all
-                "{},{ms:.3},{},{},{},{width},{height},{:.3},{:.3},{:.3},{:.3},{:.3},{:.3}",
+                "{},{ms:.3},{},{},{},{width},{height},{:.3},{:.3},{:.3},{:.3},{:.3},{:.3},{:.3},{:.3}",
                 self.times.len(),
                 COARSE[level.coarse],
                 FEWER[level.fewer],
@@ -110,7 +110,9 @@ impl Counting {
                 t.grid,
                 t.tiles,
                 t.upload,
-                t.trace
+                t.trace,
+                made.missed,
+                made.patch_ms
             );
         }
         self.times.push(ms);

@@ -7,6 +7,7 @@
 mod common;
 mod controls;
 mod display;
+mod gaps;
 mod pictures;
 mod scene_file;
 mod screens;
