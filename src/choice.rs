@@ -6,8 +6,9 @@
 use glam::Vec3;
 
 use crate::cells::{self, Bounds, CELLS_PER_RADIUS, CellSize, Form};
+use crate::cpu::camera::camera_direction;
 use crate::cpu::scene::SceneTables;
-use crate::layout::{Frame, PLANE};
+use crate::layout::{Frame, Object, PLANE};
 use crate::radius::{RASTER, visible_points};
 use crate::settings::Method;
 use crate::stage::map::Sample;
@@ -52,26 +53,27 @@ impl Class {
     }
 
     /// Nanoseconds of one of each of [`TERMS`]: only their ratios matter. Fitted by `bench --suite choice`, on two cores
-    /// of a Xeon (PoCL, llvmpipe, the twin) and on an H100. A cost of 0 is one that others of the terms account for.
+    /// of a Xeon (PoCL, llvmpipe, the twin) and on an H200. A cost of 0 is one that others of the terms account for.
     pub fn costs(self) -> &'static Counts {
         match self {
             Class::Cpu => {
                 &[960.0, 60.0, 5.0, 5.0, 114.0, 440.0, 6.0, 8.0, 80.0, 0.0, 240.0, 0.0, 0.0, 100.0, 540.0, 50.0, 0.0]
             }
             Class::OpenClLanes => &[
-                5.25, 0.0, 0.0691, 0.128, 0.962, 6.19, 0.337, 0.489, 6.42, 6.07e5, 32.7, 0.823, 3.48e5, 3.75, 51.2,
-                1.5, 1194.0,
+                0.0, 0.11, 0.0, 0.0548, 1.38, 7.58, 0.307, 0.137, 2.4, 4.44e5, 33.3, 1.03, 5.56e5, 5.02, 59.8, 7.28,
+                0.0,
             ],
             Class::OpenClGpu => &[
-                0.0, 0.0, 0.0012, 0.0033, 0.0, 0.1, 0.0014, 0.0012, 0.083, 4.7e5, 1.08, 0.041, 1.15e6, 1.62, 1.61,
-                1.97, 97.6,
+                0.0, 0.0, 0.000638, 0.0, 0.0, 0.151, 0.00081, 0.000361, 0.0, 3.74e5, 0.797, 0.262, 1.16e6, 1.05, 0.842,
+                2.52, 48.4,
             ],
             Class::OpenGlSoftware => &[
-                10.4, 0.0, 11.3, 30.6, 36.6, 102.0, 38.3, 51.7, 11.4, 2.86e7, 39.2, 0.0, 3.4e4, 90.8, 1140.0, 0.0, 0.0,
+                105.0, 4.63, 0.0, 1.1, 0.0, 105.0, 5.91, 5.25, 14.4, 3.15e6, 123.0, 8.57, 31300.0, 32.6, 647.0,
+                0.00159, 1.55e5,
             ],
             Class::OpenGlGpu => &[
-                3.26, 0.041, 0.038, 0.067, 0.0, 1.07, 0.117, 0.148, 0.12, 9.7e5, 8.14, 2.85, 5.74e6, 11.2, 0.0, 11.3,
-                948.0,
+                0.0, 0.0448, 0.0, 0.0384, 0.196, 0.545, 0.0459, 0.000775, 0.00429, 6.18e5, 7.37, 1.46, 4.76e6, 1.64,
+                6.13, 44.7, 190.0,
             ],
         }
     }
@@ -88,8 +90,8 @@ impl Class {
     pub fn cell_size(self) -> CellSize {
         match self {
             Class::OpenGlSoftware => CellSize::Fragments,
-            Class::OpenGlGpu | Class::OpenClGpu => CellSize::Alone,
-            Class::Cpu | Class::OpenClLanes => CellSize::Auto,
+            Class::OpenGlGpu => CellSize::Alone,
+            Class::Cpu | Class::OpenClLanes | Class::OpenClGpu => CellSize::Auto,
         }
     }
 }
@@ -246,8 +248,10 @@ pub fn estimates(scene: &SceneTables, frame: &Frame, sample: &Sample, question: 
         for ((size, tiled), reaches) in sizes.iter().zip(&mut tiled).zip(&mut reaches) {
             let [across, down] = image(size.map(|pixels| pixels as f32));
             // A large tile's cells are larger than a grid's: it has only so many, and towards a horizon sees far.
-            let far = down / (1.0 - 0.5 * down / depth).max(0.05);
-            let area = (across + 2.0 * radius) * (far + 2.0 * radius);
+            let area = match object.kind == PLANE {
+                true => plane_area(object, frame, pixel_of(frame, away), *size, radius),
+                false => (across + 2.0 * radius) * (down + 2.0 * radius),
+            };
             let own_cell = (radius / CELLS_PER_RADIUS).max((area / MAX_CELLS as f32).sqrt());
             tiled[2] += rows_of(own_cell);
             tiled[3] += f64::from(area / (own_cell * own_cell));
@@ -305,6 +309,39 @@ pub fn estimates(scene: &SceneTables, frame: &Frame, sample: &Sample, question: 
     }
     all.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     all
+}
+
+/// The pixel that sees what lies in this direction.
+fn pixel_of(frame: &Frame, away: Vec3) -> [f32; 2] {
+    let depth = away.dot(frame.forward.into());
+    let [x, y] =
+        [frame.right, frame.up].map(|half| away.dot(half.into()) / (depth * Vec3::from(half).length_squared()));
+    [0.5 * (1.0 + x) * frame.width, 0.5 * (1.0 - y) * frame.height]
+}
+
+/// Square metres of the box of what a pixel's tile sees of a plane, R farther on all sides; nothing stands before it. Where
+/// the tile reaches beyond the horizon, as far as its last pixel may see.
+fn plane_area(plane: &Object, frame: &Frame, pixel: [f32; 2], tile: [u32; 2], radius: f32) -> f32 {
+    let (origin, normal) = (Vec3::from(frame.position), Vec3::from(plane.anchor));
+    let height = plane.extent - normal.dot(origin);
+    let farthest = height.abs() * frame.height / Vec3::from(frame.up).length();
+    let sides = |axis: usize, all: f32| {
+        let side = tile[axis] as f32;
+        let first = (pixel[axis] / side).floor() * side;
+        [first + 0.5, (first + side).min(all) - 0.5]
+    };
+    let mut bounds = Bounds::EMPTY;
+    for x in sides(0, frame.width) {
+        for y in sides(1, frame.height) {
+            let direction = camera_direction(frame, x, y);
+            let distance = height / normal.dot(direction);
+            let distance = if distance > 0.0 { distance.min(farthest) } else { farthest };
+            bounds.add((origin + direction * distance).to_array());
+        }
+    }
+    let mut extents = [0, 1, 2].map(|axis| bounds.high[axis] - bounds.low[axis] + 2.0 * radius);
+    extents.sort_by(f32::total_cmp);
+    extents[1] * extents[2]
 }
 
 /// The grid of the whole map, by what the sample tells of it.
@@ -429,6 +466,28 @@ mod tests {
         for (found, cost) in found.iter().zip(costs) {
             assert!((found - cost).abs() < 0.05, "{found}, made with {cost}");
         }
+    }
+
+    #[test]
+    fn tiles_see_as_much_of_a_plane_as_their_corners_do() {
+        // A metre above the ground, a pixel a hundredth wide at a distance of 1; the horizon between rows 49 and 50.
+        let (width, height) = (200.0, 100.0);
+        let (right, up, forward) = ([1.0, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, 0.0, -1.0]);
+        let frame = Frame { right, up, forward, position: [0.0, 1.0, 0.0], width, height, ..Frame::default() };
+        let ground = Object { kind: PLANE, anchor: [0.0, 1.0, 0.0], extent: 0.0, ..Object::default() };
+        let point = Vec3::new(0.35, 0.0, -2.5);
+        let pixel = pixel_of(&frame, point - Vec3::from(frame.position));
+        assert!((pixel[0] - 114.0).abs() < 1e-3 && (pixel[1] - 90.0).abs() < 1e-3, "{pixel:?}");
+        // Pixels' centres of rows 80 to 89 lie 0.305 to 0.395 below the horizon, at distances of 1 / 0.305 and 1 / 0.395.
+        let [far, near] = [1.0 / 0.305, 1.0 / 0.395];
+        // Columns 110 to 119, 0.105 to 0.195 to the right.
+        let expected = (0.195 * far - 0.105 * near + 0.2) * (far - near + 0.2);
+        let found = plane_area(&ground, &frame, [114.0, 85.0], [10, 10], 0.1);
+        assert!((found / expected - 1.0).abs() < 1e-4, "{found} m², {expected} expected");
+        // Across the horizon it is as far as the lowest pixel that might see the ground: 200 m.
+        let beyond = plane_area(&ground, &frame, [114.0, 55.0], [20, 20], 0.1);
+        assert!(beyond > 100.0 * 20.0 && beyond < 400.0 * 100.0, "{beyond} m²");
+        assert!(beyond > 100.0 * found);
     }
 
     #[test]

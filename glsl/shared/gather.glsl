@@ -193,7 +193,25 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
     float extent = object_extent_scalar(object) - (is_sphere ? 0.0f : dot(anchor, origin));
     if (is_sphere) anchor = anchor - origin;
     float slack = reach - gather_radius();
-#ifndef GRID_HASHED
+#ifdef GRID_HASHED
+    // No box of the face's photons bounds its cells: where a plane lies across rows, only those are asked for through which
+    // it passes. (Of planes that lie nearly along them each row is asked below.)
+    if (!is_sphere) {
+        Float3 middle = (low + high) * 0.5f, half_size = (high - low) * 0.5f + reach;
+        Float3 steep = fabs(anchor);
+        float off = extent - dot(anchor, middle), spread = dot(steep, half_size);
+        if (steep.y > 0.1f) {
+            float at = middle.y + off / anchor.y, aside = spread / steep.y - half_size.y + slack;
+            v_first = max(v_first, cell_along(at - aside, inverse.y));
+            v_last = min(v_last, cell_along(at + aside, inverse.y));
+        }
+        if (steep.z > 0.1f) {
+            float at = middle.z + off / anchor.z, aside = spread / steep.z - half_size.z + slack;
+            w_first = max(w_first, cell_along(at - aside, inverse.z));
+            w_last = min(w_last, cell_along(at + aside, inverse.z));
+        }
+    }
+#else
     bool may_be_empty = counts.y > 1.0f && counts.z > 1.0f;
 #endif
     Real inverse_radius2 = lanes(gather_inverse_radius() * gather_inverse_radius());

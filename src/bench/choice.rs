@@ -15,7 +15,7 @@ use crate::cpu::scene::SceneTables;
 use crate::error::{Error, Result};
 use crate::features::Features;
 use crate::pack::Packed;
-use crate::pipeline::Pipeline;
+use crate::pipeline::{Pipeline, Rendering};
 use crate::radius;
 use crate::scene::Scene;
 use crate::settings::{Amount, Gather, LightMode, Settings};
@@ -191,7 +191,7 @@ fn ask(setting: &Setting) -> Result<(f32, Vec<Estimate>, f64)> {
     Ok((radius, estimates, start.elapsed().as_secs_f64() * 1e3))
 }
 
-/// Times everything that could be chosen, one after the other, round by round.
+/// Times everything that could be chosen, one after the other, round by round: of each the second of two pictures.
 fn measure(
     pipeline: &mut Pipeline,
     setting: &Setting,
@@ -200,10 +200,11 @@ fn measure(
     rounds: u32,
 ) -> Result<Vec<Row>> {
     let mut settings = setting.settings();
+    settings.gather.radius = Some(radius);
     let mut samples = vec![Samples::default(); estimates.len()];
     let mut warm_up = vec![0.0f64; estimates.len()];
     for round in 0..=2 * rounds {
-        for ((estimate, samples), first) in estimates.iter().zip(&mut samples).zip(&mut warm_up) {
+        for (number, ((estimate, samples), first)) in estimates.iter().zip(&mut samples).zip(&mut warm_up).enumerate() {
             let wanted = match *first {
                 _ if round == 0 => rounds,
                 first if first.is_nan() => 0,
@@ -216,18 +217,23 @@ fn measure(
             }
             settings.gather.method = estimate.method;
             settings.gather.tile = estimate.tile;
-            // Another radius makes another grid and other tiles of the same photons; a thousandth changes nothing else.
-            settings.gather.radius = Some(radius * (1.0 + 1e-3 * round as f32));
-            let times = match pipeline.render(setting.scene, &settings) {
-                Ok(rendering) => rendering.times,
-                // Lists that are too long for floats cannot be chosen, and are not.
-                Err(Error::Usage(_)) => {
-                    *first = f64::NAN;
-                    continue;
-                }
-                Err(error) => return Err(error),
-            };
-            let ms = times.grid + times.tiles + times.upload + times.trace;
+            // Photons of its own, as where a light moves: everything is sorted and moved anew, and nobody finds what
+            // another left. What is short is rendered twice, since drivers and paces have to settle on it again.
+            let mut ms = 0.0;
+            let settled = u32::from(round > 0 && *first < LONG);
+            for again in 0..=settled {
+                settings.photons.pass = 2 * (round * estimates.len() as u32 + number as u32) + again;
+                ms = match pipeline.render(setting.scene, &settings) {
+                    Ok(Rendering { times, .. }) => times.grid + times.tiles + times.upload + times.trace,
+                    // Lists that are too long for floats cannot be chosen, and are not.
+                    Err(Error::Usage(_)) => f64::NAN,
+                    Err(error) => return Err(error),
+                };
+            }
+            if ms.is_nan() {
+                *first = ms;
+                continue;
+            }
             match round {
                 0 => *first = ms,
                 _ => samples.ms.push(ms),

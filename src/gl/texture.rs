@@ -8,10 +8,14 @@ use crate::census::{Counted, Kind};
 use crate::error::{Error, Result};
 use crate::layout::{Record, Shape, TEXEL};
 
+/// Rows that may lie idle in any image: 1.5 MB.
+const IDLE_ROWS: u32 = 64;
+
 /// Whether a table of one shape can lie in an image of another: rows are as wide, and not too much of it would lie idle.
 /// Tables of views that move change their length in every picture, and drivers take their time to make an image.
 fn serves(image: Shape, table: Shape) -> bool {
-    image.width == table.width && (table.height..=2 * table.height).contains(&image.height)
+    let idle = image.height.checked_sub(table.height);
+    image.width == table.width && idle.is_some_and(|idle| idle <= table.height.max(IDLE_ROWS))
 }
 
 /// A table of records; deleted when dropped.
