@@ -187,10 +187,14 @@ impl GridStage {
     /// # Errors
     /// [`crate::error::Error::Build`] when the driver refuses a kernel.
     pub fn new(context: &Context) -> Result<GridStage> {
-        let group = bounds_group(context);
-        let defines = vec![format!("BOUNDS_GROUP {group}"), format!("BOUNDS_FACES {BOUNDS_FACES}")];
-        let bounds = assemble("grid.cl", None, &Options { defines, ..Options::default() });
         let source = assemble("grid.cl", None, &Options::default());
+        let bounds = match bounds_group(context) {
+            1 => source.clone(),
+            group => {
+                let defines = vec![format!("BOUNDS_GROUP {group}"), format!("BOUNDS_FACES {BOUNDS_FACES}")];
+                assemble("grid.cl", None, &Options { defines, ..Options::default() })
+            }
+        };
         Ok(GridStage {
             bounds_kernel: context.kernel(&bounds, "grid_bounds")?,
             kernels: [None, None],
