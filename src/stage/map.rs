@@ -217,9 +217,8 @@ impl MapStage {
     /// [`Error::Device`] from the device.
     pub fn copied(&mut self, large: usize) -> Result<()> {
         match self {
-            MapStage::Device(map) if map.stored.is_none() && map.context.memory.held() > large => {
-                map.grid.release(&map.context)
-            }
+            // The map's own memory: lists of tiles that were once made are no reason to make the map's anew for every frame.
+            MapStage::Device(map) if map.stored.is_none() && map.grid.bytes() > large => map.grid.release(&map.context),
             _ => Ok(()),
         }
     }

@@ -75,3 +75,25 @@ fn opengl_keeps_one_copy_of_a_large_map_and_asks_for_it_again() {
     assert!(other.image != first && other.photons.unwrap().stored == u64::from(stored));
     assert!(pipeline.render(&scene, &settings).unwrap().image == first);
 }
+
+#[test]
+fn long_lists_of_tiles_are_no_reason_to_give_a_small_map_back() {
+    drop(device());
+    let machine = Machine { backend: Some(Backend::OpenGl), ..Machine::default() };
+    let Ok(mut pipeline) = Pipeline::open(&machine, |_| {}) else {
+        eprintln!("SKIPPED: OpenGL is missing");
+        return;
+    };
+    let scene = load(format!("{}/scenes/gi_ref.toml", env!("CARGO_MANIFEST_DIR")).as_ref()).unwrap();
+    let mut settings = Settings { width: 96, height: 72, ..Settings::default() };
+    settings.photons.amount = Amount::Stored(100_000);
+    settings.gather = Gather { method: Method::Tiles, radius: Some(2.0), tile: Some([2, 2]), ..settings.gather };
+    pipeline.render(&scene, &settings).unwrap();
+    let with_tiles = pipeline.bytes();
+    assert!(with_tiles > 60_000_000, "{with_tiles} bytes: these lists are not long");
+    // The grid's tables come to what is there. Were the map given back, it would have to be emitted again for the next
+    // picture of another radius.
+    settings.gather = Gather { method: Method::Grid, radius: Some(0.1), tile: None, ..settings.gather };
+    pipeline.render(&scene, &settings).unwrap();
+    assert!(pipeline.bytes() > with_tiles, "{} bytes, {with_tiles} before", pipeline.bytes());
+}
