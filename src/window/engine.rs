@@ -148,14 +148,13 @@ impl Engine {
 
     /// Fills in what a picture lacks when its time is over, by the rows around it: they are from all over the picture.
     fn bridge(&mut self, is_host: bool, missing: &[[u32; 2]]) -> Result<()> {
-        let film = match &mut self.pipeline {
-            Some(pipeline) if !is_host => Some(pipeline.film()?),
-            _ => None,
+        let pass = match &mut self.pipeline {
+            Some(pipeline) if !is_host => match pipeline.film()? {
+                Film::Texture(texture) => Some(texture),
+                Film::Host(_) => None,
+            },
+            _ => None, // it is where the mean took it from
         };
-        let pass = film.and_then(|film| match film {
-            Film::Texture(texture) => Some(texture),
-            Film::Host(_) => None,
-        });
         self.mean.bridge(pass, missing)
     }
 

@@ -3,9 +3,9 @@
 use photile::features::Features;
 use photile::memory::{PER_PHOTON, opencl_bytes};
 use photile::pipeline::{Machine, Pipeline};
-use photile::scene::load;
 use photile::settings::{Amount, Backend, Gather, Method, Settings};
 
+use super::tiles::scene;
 use super::{device, room, room_photons, upload};
 use photile::stage::grid::{GridStage, Wanted};
 
@@ -17,7 +17,7 @@ fn a_map_takes_what_was_said_whatever_the_scenes_extent() {
     for (name, stored, radius) in
         [("gi_ref", 600_000, None), ("sphere_and_plane", 3_000, Some(0.02)), ("glossy", 100_000, None)]
     {
-        let scene = load(format!("{}/scenes/{name}.toml", env!("CARGO_MANIFEST_DIR")).as_ref()).unwrap();
+        let scene = scene(name);
         let mut settings = Settings { width: 32, height: 24, ..Settings::default() };
         settings.gather = Gather { method: Method::Grid, radius, ..settings.gather };
         settings.photons.amount = Amount::Stored(stored);
@@ -53,15 +53,18 @@ fn the_account_is_that_of_the_buffers() {
     assert_eq!(context.memory.held(), before);
 }
 
-#[test]
-fn opengl_keeps_one_copy_of_a_large_map_and_asks_for_it_again() {
+/// OpenGL with the photons of OpenCL; none where it is missing. One test at a time has the device.
+fn opengl() -> Option<Pipeline> {
     drop(device());
     let machine = Machine { backend: Some(Backend::OpenGl), ..Machine::default() };
-    let Ok(mut pipeline) = Pipeline::open(&machine, |_| {}) else {
-        eprintln!("SKIPPED: OpenGL is missing");
-        return;
-    };
-    let scene = load(format!("{}/scenes/gi_ref.toml", env!("CARGO_MANIFEST_DIR")).as_ref()).unwrap();
+    let pipeline = Pipeline::open(&machine, |_| {});
+    pipeline.inspect_err(|_| eprintln!("SKIPPED: OpenGL is missing")).ok()
+}
+
+#[test]
+fn opengl_keeps_one_copy_of_a_large_map_and_asks_for_it_again() {
+    let Some(mut pipeline) = opengl() else { return };
+    let scene = scene("gi_ref");
     let mut settings = Settings { width: 32, height: 24, ..Settings::default() };
     let stored = 900_000;
     settings.photons.amount = Amount::Stored(stored);
@@ -78,13 +81,8 @@ fn opengl_keeps_one_copy_of_a_large_map_and_asks_for_it_again() {
 
 #[test]
 fn long_lists_of_tiles_are_no_reason_to_give_a_small_map_back() {
-    drop(device());
-    let machine = Machine { backend: Some(Backend::OpenGl), ..Machine::default() };
-    let Ok(mut pipeline) = Pipeline::open(&machine, |_| {}) else {
-        eprintln!("SKIPPED: OpenGL is missing");
-        return;
-    };
-    let scene = load(format!("{}/scenes/gi_ref.toml", env!("CARGO_MANIFEST_DIR")).as_ref()).unwrap();
+    let Some(mut pipeline) = opengl() else { return };
+    let scene = scene("gi_ref");
     let mut settings = Settings { width: 96, height: 72, ..Settings::default() };
     settings.photons.amount = Amount::Stored(100_000);
     settings.gather = Gather { method: Method::Tiles, radius: Some(2.0), tile: Some([2, 2]), ..settings.gather };
