@@ -80,7 +80,8 @@ __kernel void grid_keys(__global const float *photon_positions, __global const f
         float3 p = grid_axes(photon_position_scalar(i), flipped) - face_origin_scalar(face);
         int u = cell_along(p.x, inverse.x), v = cell_along(p.y, inverse.y), w = cell_along(p.z, inverse.z);
 #ifdef GRID_HASHED
-        keys[i] = (row_start(face, v, w) + u) & (int)gather_bucket_mask();
+        int bucket = (row_start((int)face_base_scalar(face), v, w) + u) & (int)gather_bucket_mask();
+        keys[i] = (int)face_table_scalar(face) + bucket;
 #else
         keys[i] = row_start((int)face_base_scalar(face), v, w, face_counts_scalar(face)) + u;
 #endif
@@ -124,20 +125,3 @@ __kernel void grid_restore(__global const uint *order, __global const float *fro
     int end = min(first + per_item, count);
     for (int i = first; i < end; i++) vstore3(vload3(i, from), order[i], to);
 }
-
-#ifdef GRID_HASHED
-// The row of each sorted photon: face, v, w. Positions are sorted already, faces are not. Rows that share buckets are told apart by it.
-__kernel void grid_rows(__global const uint *order, __global const float *photon_positions,
-                        __global const float *photon_faces, __global const float *faces,
-                        __global const float *gather, __global float *photon_cells, int count, int per_item) {
-    int first = (int)get_global_id(0) * per_item;
-    int end = min(first + per_item, count);
-    for (int i = first; i < end; i++) {
-        int face = (int)photon_face(order[i]);
-        float flipped = face_flipped_scalar(face);
-        float3 inverse = cell_axes(gather_inverse_cell_scalar(), flipped, gather_by_rows());
-        float3 p = grid_axes(photon_position_scalar(i), flipped) - face_origin_scalar(face);
-        vstore3((float3)(face, cell_along(p.y, inverse.y), cell_along(p.z, inverse.z)), i, photon_cells);
-    }
-}
-#endif

@@ -34,7 +34,7 @@ Gathered weigh_queue(SCENE_PARAMS Gathered sum, Query query) {
 }
 
 // Appends a run of candidates to the queue, and weighs it whenever it is full. `cell`: where the run's row of cells is.
-Gathered queue_photons(SCENE_PARAMS Gathered sum, int first, int end, Float3 cell, Query query) {
+Gathered queue_photons(SCENE_PARAMS Gathered sum, int first, int end, CELL_ROW_PARAM Query query) {
     int item = group_item();
     while (first < end) {
         int taken = min(end - first, QUEUE_LENGTH - sum.queued);
@@ -47,8 +47,7 @@ Gathered queue_photons(SCENE_PARAMS Gathered sum, int first, int end, Float3 cel
             float3 position = photon_position_same(i);
 #ifdef GRID_HASHED
             // Another row's: where no query is.
-            float3 own = photon_cell_scalar(i);
-            if (own.x != cell.x || own.y != cell.y || own.z != cell.z) position = (float3)(-1e18f);
+            if (!is_in_row(row, position)) position = (float3)(-1e18f);
 #endif
             queue[sum.queued + n].xyz = position;
             queue[QUEUE_LENGTH + sum.queued + n].xyz = photon_power_same(i);

@@ -268,10 +268,10 @@ void store_run(__global float *table, int first, int end, Vec3 v) {
     photon_positions, photon_powers, photon_faces, photon_directions, QUEUE
 #elif defined(HAS_PHOTONS)
 #define PHOTON_PARAMS __global const float *gather, __global const float *faces, \
-    __global const float *cell_starts, __global const float *photon_cells, \
+    __global const float *cell_starts, \
     __global const float *photon_positions, __global const float *photon_powers, \
     __global const float *photon_faces, __global const float *photon_directions, QUEUE_PARAM
-#define PHOTONS gather, faces, cell_starts, photon_cells, \
+#define PHOTONS gather, faces, cell_starts, \
     photon_positions, photon_powers, photon_faces, photon_directions, QUEUE
 #elif defined(HAS_SITES)
 #define PHOTON_PARAMS CHART_PARAMS __global const float *lattice, __global const float *texels, \

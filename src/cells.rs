@@ -11,9 +11,22 @@ use crate::memory::table_entries;
 /// Together candidates are cheap and runs are not.
 pub const CELLS_PER_RADIUS: f32 = 2.0;
 
-/// The same where every query walks alone, as fragments do: there a candidate costs two fetches. Measured on llvmpipe:
-/// a tenth to a fifth faster than R/2 and R/4.
+/// The same where every query walks alone, as fragments do: there a candidate costs two fetches.
 pub const CELLS_PER_RADIUS_ALONE: f32 = 3.0;
+
+/// Farthest that queries which walk together may lie apart, in radii. Measured at 0.5, 1, 2 and 4.
+pub const GATHER_SPREAD: f32 = 4.0;
+
+/// Most cells of a hashed row that photons within a query's reach may lie in. Rows of the same v, w on different faces
+/// begin at least so many buckets apart: a query's buckets then hold no photon near by of another face. Faces whose u and
+/// v are exchanged have a table of their own.
+fn hash_reach(radius: f32, cell: [f32; 3]) -> usize {
+    // Either axis may run along rows.
+    let cells = (GATHER_SPREAD + 2.01) * radius / cell[0].min(cell[1]);
+    // What `gather.glsl` adds for rounded coordinates comes to 8 cells on each side before cells have no end any more; two
+    // more are cut by the ends, and two lie beside them.
+    cells.ceil() as usize + 16 + 4
+}
 
 /// Cells per radius along rows, and across them, in the order in which they are tried until a dense table holds them.
 /// Along a row finer cells spare candidates and take no time: a query reads one run of them whatever their number.
@@ -27,9 +40,7 @@ const ALONE: [(f32, f32); 6] = [
     (2.0, 2.0),
     (1.0, 1.0),
 ];
-/// The same where fewer than [`FEW`] photons lie within a query's disc and a software driver runs fragments: a row costs as
-/// much there as some ten candidates. The box of 6 × 4 × 6 m, 200k photons, llvmpipe, ms at R/3 and R/2 across rows: 200
-/// and 133 at R = 0.1 m, where 37 photons are accepted; 375 and 430 at R = 0.2 m.
+/// The same where fewer than [`FEW`] photons lie within a query's disc: a row costs as much as some ten candidates.
 const SPARSE: [(f32, f32); 4] = [(8.0, 2.0), (4.0, 2.0), (2.0, 2.0), (1.0, 1.0)];
 const FEW: f32 = 75.0;
 
@@ -70,12 +81,11 @@ pub enum CellSize {
     PerRadius(f32),
     /// R divided by the first along the rows of every face, u, and by the second across them, along v and w.
     Rows(f32, f32),
-    /// For queries that walk alone: R divided by [`CELLS_PER_RADIUS_ALONE`], or coarser cells where those would have to
-    /// be hashed. In a fragment shader a hashed row costs five times a dense one (gi_ref at R = 0.1 on llvmpipe: 2.2 s
-    /// a frame hashed at R/3, 0.3 s dense at R/2).
+    /// For queries that walk alone: R divided by [`CELLS_PER_RADIUS_ALONE`], or coarser cells where photons are few or
+    /// where those would have to be hashed: in a fragment shader a hashed row costs five times a dense one. Hashed cells
+    /// are R divided by [`CELLS_PER_RADIUS`]: sphere_and_plane takes a quarter less at R/2 than at R/3 (H200, R = 0.1 and
+    /// 0.2 m), and R is better where hardly a photon is accepted only.
     Alone,
-    /// The same for fragments of a software driver.
-    Fragments,
     /// Along x, y, z; metres.
     Metres([f32; 3]),
     /// So many cells along x, y, z of the box of all photons, as `--grid NXxNYxNZ` asks for.
@@ -98,7 +108,8 @@ pub enum Form {
     Auto,
     /// Every face's box filled with cells.
     Dense,
-    /// A table of this many buckets, a power of two; `None`: as many as are affordable.
+    /// A table of this many buckets, a power of two, or more where so many faces need them; `None`: as many as are
+    /// affordable.
     Hashed(Option<u32>),
 }
 
@@ -107,7 +118,7 @@ pub enum Form {
 pub struct Plan {
     /// Which form.
     pub hashed: bool,
-    /// Cells, or buckets, of the table.
+    /// Cells of the table, or buckets of both.
     pub cells: usize,
     /// Two an object.
     pub faces: Vec<Face>,
@@ -155,8 +166,8 @@ pub fn plan(
 ) -> Result<Plan> {
     let rows: &[(f32, f32)] = match (size, form) {
         (CellSize::Auto, Form::Auto) => &TOGETHER,
-        (CellSize::Fragments, Form::Auto) if within_a_disc(bounds, photons, radius) < FEW => &SPARSE,
-        (CellSize::Alone | CellSize::Fragments, Form::Auto) => &ALONE,
+        (CellSize::Alone, Form::Auto) if within_a_disc(bounds, photons, radius) < FEW => &SPARSE,
+        (CellSize::Alone, Form::Auto) => &ALONE,
         _ => &[],
     };
     for (along, across) in rows {
@@ -177,9 +188,9 @@ pub fn plan(
         all.add(face.high);
     }
     let cell = match size {
-        CellSize::Auto => [radius / CELLS_PER_RADIUS; 3],
+        // Dense cells are laid out above.
+        CellSize::Auto | CellSize::Alone => [radius / CELLS_PER_RADIUS; 3],
         CellSize::PerRadius(cells) => [radius / cells; 3],
-        CellSize::Alone | CellSize::Fragments => [radius / CELLS_PER_RADIUS_ALONE; 3],
         CellSize::Rows(along, across) => [radius / along, radius / across, radius / across],
         CellSize::Metres(cell) | CellSize::Lattice { cell, .. } => cell,
         // A box without depth is one cell deep whatever its size.
@@ -230,7 +241,7 @@ pub fn plan(
         Form::Dense => false,
         Form::Hashed(_) => true,
     };
-    let mut cells = base as usize;
+    let (mut cells, mut table) = (base as usize, 1);
     if hashed {
         cells = match form {
             Form::Hashed(Some(buckets)) => {
@@ -240,8 +251,23 @@ pub fn plan(
             // The largest power of two that is.
             _ => ((affordable as usize + 1).next_power_of_two() / 2).clamp(64, 1 << 23),
         };
-        for face in &mut faces {
-            *face = Face { flipped: face.flipped, ..Face::default() };
+        let reach = hash_reach(radius, cell);
+        let is_flipped = |face: &Face| face.flipped != 0.0;
+        let tables = if faces.iter().any(is_flipped) && !faces.iter().all(is_flipped) { 2 } else { 1 };
+        cells = cells.max((tables * faces.len() * reach).next_power_of_two());
+        if cells as u64 >= MAX_EXACT_INDEX {
+            return Err(Error::Usage(format!(
+                "{} objects: the hashed grid takes at most {} with cells of this size",
+                objects.len(),
+                MAX_EXACT_INDEX as usize / 2 / (2 * tables * reach)
+            )));
+        }
+        table = cells / tables;
+        let apart = table / faces.len().max(1);
+        for (number, face) in faces.iter_mut().enumerate() {
+            let first = if tables == 2 && is_flipped(face) { table } else { 0 };
+            let base = (number * apart) as f32;
+            *face = Face { flipped: face.flipped, base, table: first as f32, ..Face::default() };
         }
     }
     let gather = Gather {
@@ -252,7 +278,7 @@ pub fn plan(
         cell,
         inverse_cell,
         by_rows: f32::from(u8::from(by_rows)),
-        bucket_mask: if hashed { (cells - 1) as f32 } else { 0.0 },
+        bucket_mask: (table - 1) as f32,
         ..Gather::default()
     };
     Ok(Plan { hashed, cells, faces, gather })
@@ -286,18 +312,33 @@ mod tests {
     }
 
     #[test]
+    fn hashed_faces_lie_farther_apart_than_queries_reach() {
+        let normal = |i: usize| [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0]][i % 2];
+        let objects: Vec<Object> = (0..300).map(|i| plane(normal(i))).collect();
+        let bounds = vec![Bounds { low: [0.0; 3], high: [1e6; 3] }; 600];
+        for (size, reach) in [(CellSize::Auto, 33), (CellSize::Alone, 33), (CellSize::PerRadius(3.0), 39)] {
+            let plan = plan(&objects, &bounds, 1000, 0.1, size, Form::Hashed(Some(64))).unwrap();
+            assert_eq!(hash_reach(0.1, plan.gather.cell), reach);
+            let table = plan.gather.bucket_mask as usize + 1;
+            assert!(2 * table == plan.cells && plan.cells < 8 * 600 * reach, "{} buckets", plan.cells);
+            // The last face's rows come before the first one's again.
+            let bases: Vec<usize> = plan.faces.iter().map(|face| face.base as usize).chain([table]).collect();
+            assert!(bases.windows(2).all(|pair| pair[1] - pair[0] >= reach), "{size:?}");
+            assert!(plan.faces.iter().all(|face| face.table == face.flipped * table as f32));
+        }
+        let many = vec![plane([0.0, 1.0, 0.0]); 300_000];
+        let refused = plan(&many, &vec![bounds[0]; 600_000], 1000, 0.1, CellSize::Auto, Form::Auto);
+        assert!(matches!(refused, Err(Error::Usage(why)) if why.contains("at most")));
+    }
+
+    #[test]
     fn fragments_walk_through_fewer_rows_where_photons_are_few() {
         let (objects, bounds) = room(1.0);
         let across = |size, photons| {
             let plan = plan(&objects, &bounds, photons, 0.5, size, Form::Auto).unwrap();
             (0.5 / plan.gather.cell[1]).round()
         };
-        assert_eq!(
-            (across(CellSize::Fragments, 5000), across(CellSize::Fragments, 10_000)),
-            (2.0, 3.0),
-            "65 and 131 a disc"
-        );
-        assert_eq!(across(CellSize::Alone, 5000), 3.0);
+        assert_eq!((across(CellSize::Alone, 5000), across(CellSize::Alone, 10_000)), (2.0, 3.0), "65 and 131 a disc");
     }
 
     #[test]

@@ -89,8 +89,7 @@ impl Class {
     /// How large the grid's cells are made for it.
     pub fn cell_size(self) -> CellSize {
         match self {
-            Class::OpenGlSoftware => CellSize::Fragments,
-            Class::OpenGlGpu => CellSize::Alone,
+            Class::OpenGlSoftware | Class::OpenGlGpu => CellSize::Alone,
             Class::Cpu | Class::OpenClLanes | Class::OpenClGpu => CellSize::Auto,
         }
     }

@@ -1,5 +1,6 @@
 //! How stored photons become radiance: the method, the density kernel, and what the scene asks of the code.
 
+use crate::cells::GATHER_SPREAD;
 use crate::layout::Object;
 pub use crate::settings::{DensityKernel, Method};
 
@@ -88,6 +89,7 @@ impl Gathering {
         add(self.clip, "HAS_CLIP");
         add(self.both_sides, "HAS_BOTH_SIDES");
         add(self.footprints, "HAS_FOOTPRINTS");
+        defines.push(format!("GATHER_SPREAD {GATHER_SPREAD:.1}f"));
         defines
     }
 

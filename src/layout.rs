@@ -194,26 +194,18 @@ record! {
 }
 
 record! {
-    /// The row of cells that a sorted photon belongs to; only in the hashed form of the grid, whose rows share buckets.
-    PhotonCell, "photon" in "photon_cells" {
-        /// Face, v, w.
-        cell: [f32; 3],
-    }
-}
-
-record! {
     /// One side of one object (2·object + 0 | 1) as the photon grid sees it. See `cell.glsl` for u, v, w.
     Face, "face" in "faces" {
         /// Lowest corner of the face's cells along u, v, w; scene space, metres. Zero in the hashed form.
         origin: [f32; 3],
         /// Cells along u, v, w; zero where the face has no photons, and in the hashed form.
         counts: [f32; 3],
-        /// The face's first cell in the table.
+        /// The face's first cell in the table; in the hashed form how far its rows are moved along the table.
         base: f32,
         /// 1: u is y and v is x; 0: u, v, w are x, y, z.
         flipped: f32,
-        /// Zero.
-        reserved: f32,
+        /// First bucket of the hashed table that its rows wrap in; zero in the dense form.
+        table: f32,
     }
 }
 
@@ -230,7 +222,7 @@ record! {
         cell: [f32; 3],
         /// 1 / `cell`, rounded once, here: build and query must divide alike.
         inverse_cell: [f32; 3],
-        /// Length of the hashed table − 1.
+        /// Length of a hashed table − 1.
         bucket_mask: f32,
         /// k of the k nearest.
         nearest: f32,
@@ -447,7 +439,6 @@ pub const RECORDS: &[Declaration] = &[
     declare::<PhotonPosition>(false, 0),
     declare::<PhotonPower>(false, 0),
     declare::<PhotonDirection>(false, 0),
-    declare::<PhotonCell>(false, 0),
     declare::<Chart>(false, 0),
     declare::<Texel>(false, 0),
     declare::<SiteLattice>(true, 0),

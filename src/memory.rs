@@ -14,8 +14,8 @@ pub fn capacity(stored: usize) -> usize {
 }
 
 /// Entries that the table of cells may have: what the other tables leave of [`PER_PHOTON`]. Position, power and, in
-/// glossy scenes, direction are a texel each, and one more the sort works in, or hashed rows lie in; face and order are
-/// 4 bytes each. Small maps may have small tables of more entries than that.
+/// glossy scenes, direction are a texel each, and one more the sort works in; face and order are 4 bytes each. Small
+/// maps may have small tables of more entries than that.
 pub fn table_entries(glossy: bool, stored: usize) -> usize {
     (if glossy { stored + stored / 16 } else { 4 * stored }).max(1 << 16)
 }
@@ -36,9 +36,9 @@ pub fn opencl_bytes(glossy: bool, stored: usize) -> usize {
     capacity(stored) * (tables * TEXEL + 4 + 4) + 4 * table_entries(glossy, stored) + RECORDING_BYTES + small
 }
 
-/// Most bytes that its copy takes in textures: positions, powers, directions, rows, cells.
-pub fn texture_bytes(glossy: bool, hashed: bool, stored: usize) -> usize {
-    let tables = 2 + usize::from(glossy) + usize::from(hashed);
+/// Most bytes that its copy takes in textures: positions, powers, directions, cells.
+pub fn texture_bytes(glossy: bool, stored: usize) -> usize {
+    let tables = 2 + usize::from(glossy);
     // Each texture's last row is a whole one.
     let rows = ((tables + 1) * TEXEL) << crate::layout::TEXTURE_WIDTH_LOG2;
     stored * tables * TEXEL + 4 * table_entries(glossy, stored) + rows
@@ -54,7 +54,7 @@ mod tests {
             for stored in [1_000_000, 1_234_567, 4_000_000] {
                 let bytes = opencl_bytes(glossy, stored);
                 assert!(bytes <= PER_PHOTON * stored, "{stored} photons, glossy {glossy}: {bytes} bytes");
-                assert!(texture_bytes(glossy, true, stored) <= PER_PHOTON * stored);
+                assert!(texture_bytes(glossy, stored) <= PER_PHOTON * stored);
             }
         }
     }

@@ -115,9 +115,6 @@ Gathered add_photon(SCENE_PARAMS Gathered sum, int i, Real weight, Vec3 position
 #error "k nearest photons are gathered with one lane a work-item: a heap holds one query's photons"
 #endif
 #endif
-// Farthest that lanes which walk together may lie apart, in radii. Measured at 0.5, 1, 2 and 4.
-#define GATHER_SPREAD 4.0f
-
 // What gather_face walks over: a face of the grid, or a tile's region.
 #ifdef GATHER_TILES
 #define AREA_FLIPPED(i) region_flipped_scalar(i)
@@ -133,6 +130,7 @@ Gathered add_photon(SCENE_PARAMS Gathered sum, int i, Real weight, Vec3 position
 #define AREA_ORIGIN(i) face_origin_scalar(i)
 #define AREA_COUNTS(i) face_counts_scalar(i)
 #define AREA_BASE(i) face_base_scalar(i)
+#define AREA_TABLE(i) face_table_scalar(i)
 #define AREA_CELL(i) gather_cell_scalar()
 #define AREA_INVERSE_CELL(i) gather_inverse_cell_scalar()
 #define AREA_OBJECT(i) ((i) / 2)
@@ -141,7 +139,7 @@ Gathered add_photon(SCENE_PARAMS Gathered sum, int i, Real weight, Vec3 position
 
 #ifdef GATHER_GROUP
 // In group.cl: work-items take photons from memory together.
-Gathered queue_photons(SCENE_PARAMS Gathered sum, int first, int end, Float3 cell, Query query);
+Gathered queue_photons(SCENE_PARAMS Gathered sum, int first, int end, CELL_ROW_PARAM Query query);
 Gathered weigh_queue(SCENE_PARAMS Gathered sum, Query query);
 Gathered gather_group(SCENE_PARAMS Query query, int face, int wanted);
 #endif
@@ -170,14 +168,21 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
     // Wider than the radius by more than coordinates round, so that the distance alone decides.
     float size = fabs(low.x) + fabs(low.y) + fabs(low.z) + fabs(high.x) + fabs(high.y) + fabs(high.z);
     float reach = gather_radius() * 1.0005f + 5e-7f * (size + fabs(origin.x) + fabs(origin.y) + fabs(origin.z));
-    low = grid_axes(low, flipped) - origin;
-    high = grid_axes(high, flipped) - origin;
+    low = grid_axes(low, flipped);
+    high = grid_axes(high, flipped);
+#ifdef GRID_HASHED
+    // The same for coordinates along rows alone: the hash counts on it.
+    float along = gather_radius() * 1.0005f + 5e-7f * (fabs(low.x) + fabs(high.x));
+#endif
+    low = low - origin;
+    high = high - origin;
     int v_first = cell_along(low.y - reach, inverse.y);
     int v_last = cell_along(high.y + reach, inverse.y);
     int w_first = cell_along(low.z - reach, inverse.z);
     int w_last = cell_along(high.z + reach, inverse.z);
 #ifdef GRID_HASHED
     int mask = count_of(gather_bucket_mask());
+    int base = count_of(AREA_BASE(face)), table = count_of(AREA_TABLE(face));
 #else
     Float3 counts = AREA_COUNTS(face);
     v_first = max(v_first, 0);
@@ -239,6 +244,9 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
             if (is_endless(v)) v_gap = 0.0f;
 #endif
             float chord = sqrt(max(w_left - v_gap * v_gap, 0.0f));
+#ifdef GRID_HASHED
+            chord = min(chord, along);
+#endif
             Float3 row_low = triple(low.x - chord, v_low, w_low) - slack;
             Float3 row_high = triple(high.x + chord, v_low + cell.y, w_low + cell.z) + slack;
             if (may_be_empty && !passes_through(is_sphere, anchor, extent, row_low, row_high)) continue;
@@ -247,13 +255,15 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
 #ifdef GRID_HASHED
             // A row longer than the table would meet its photons twice.
             u_last = min(u_last, u_first + mask);
-            int row = row_start(face, v, w);
+            int start = row_start(base, v, w);
+            Row row = row_of(v, w, inverse, flipped);
             // A row that runs over the table's end goes on at its start.
             int u = u_first;
             while (u <= u_last) {
-                int bucket = (row + u) & mask;
+                int bucket = (start + u) & mask;
                 int length = min(u_last - u + 1, mask + 1 - bucket);
                 u += length;
+                bucket += table;
 #else
             u_first = max(u_first, 0);
             u_last = min(u_last, count_of(counts.x) - 1);
@@ -264,7 +274,7 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
                 int end = count_of(cell_start(bucket + length));
                 int place = count_of(cell_start(bucket)) + SLICE;
 #ifdef GATHER_GROUP
-                sum = queue_photons(SCENE sum, place, end, triple(float_of(face), float_of(v), float_of(w)), query);
+                sum = queue_photons(SCENE sum, place, end, CELL_ROW query);
 #else
                 while (place < end) {
                     Gathered part = nothing_gathered();
@@ -282,8 +292,7 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
                         if (!any_lane(weight > 0.0f)) continue;
 #endif
 #ifdef GRID_HASHED
-                        Float3 own = photon_cell_scalar(i);
-                        if (own.x != float_of(face) || own.y != float_of(v) || own.z != float_of(w)) continue;
+                        if (!is_in_row(row, photon_position_scalar(i))) continue;
 #endif
 #ifdef GATHER_KNN
 #ifdef HAS_BOTH_SIDES

@@ -184,7 +184,7 @@ pub fn run(args: &Args) -> Result<()> {
     let gather = gathering(&scene, &settings, &features, &packed)?;
     let memory = gather.as_ref().map(|gather| {
         let stored = gather.stored as usize;
-        let opengl_bytes = memory::texture_bytes(features.glossy, true, stored);
+        let opengl_bytes = memory::texture_bytes(features.glossy, stored);
         Memory { photons: gather.stored, opencl_bytes: memory::opencl_bytes(features.glossy, stored), opengl_bytes }
     });
     let report = Report {

@@ -7,7 +7,7 @@ use glam::Vec3;
 use super::bsdf::ggx;
 use super::density::{kernel_peak, kernel_shape, visible_part};
 use super::grid::{
-    GridTables, PhotonTables, cell_along, cell_axes, dense_row, face_of, grid_axes, hashed_row, is_endless,
+    GridTables, PhotonTables, cell_along, cell_axes, cells_of, dense_row, face_of, grid_axes, hashed_row, is_endless,
 };
 use super::scene::{SceneTables, Surface};
 use super::tiles::{TileTables, find_region, scatters};
@@ -59,6 +59,8 @@ pub fn for_each_candidate(map: &PhotonMap, face: usize, point: Vec3, mut visit: 
     let reach = radius * 1.0005 + 5e-7 * (size + Vec3::from(origin).abs().element_sum());
     let at = grid_axes(point.to_array(), record.flipped);
     let at = [0, 1, 2].map(|axis| at[axis] - origin[axis]);
+    // Along rows by that coordinate alone: the hash counts on it.
+    let along = if map.plan.hashed { radius * 1.0005 + 5e-7 * 2.0 * at[0].abs() } else { f32::INFINITY };
     let range = |axis: usize| {
         let first = cell_along(at[axis] - reach, inverse[axis]);
         let last = cell_along(at[axis] + reach, inverse[axis]);
@@ -74,7 +76,7 @@ pub fn for_each_candidate(map: &PhotonMap, face: usize, point: Vec3, mut visit: 
     for w in range(2) {
         let w_left = reach * reach - gap(w, 2) * gap(w, 2);
         for v in range(1) {
-            let chord = (w_left - gap(v, 1) * gap(v, 1)).max(0.0).sqrt();
+            let chord = (w_left - gap(v, 1) * gap(v, 1)).max(0.0).sqrt().min(along);
             let mut u_first = cell_along(at[0] - chord, inverse[0]);
             let mut u_last = cell_along(at[0] + chord, inverse[0]);
             let mut run = |bucket: i32, length: i32| {
@@ -84,17 +86,17 @@ pub fn for_each_candidate(map: &PhotonMap, face: usize, point: Vec3, mut visit: 
             if map.plan.hashed {
                 let mask = bucket_mask as i32;
                 u_last = u_last.min(u_first + mask);
-                let row = hashed_row(face, v, w);
-                let own = [face as f32, v as f32, w as f32];
+                let row = hashed_row(record, v, w);
+                // Rows that share a bucket are told apart by where their photons are.
                 let mut visit_own = |i: usize| {
-                    if map.grid.cells[i].cell == own {
+                    if cells_of(&map.grid.positions[i], record, &map.plan.gather)[1..] == [v, w] {
                         visit(i);
                     }
                 };
                 while u_first <= u_last {
                     let bucket = row.wrapping_add(u_first) & mask;
                     let length = (u_last - u_first + 1).min(mask + 1 - bucket);
-                    let start = |c: i32| map.grid.cell_starts[c as usize] as usize;
+                    let start = |c: i32| map.grid.cell_starts[record.table as usize + c as usize] as usize;
                     (start(bucket)..start(bucket + length)).for_each(&mut visit_own);
                     u_first += length;
                 }

@@ -1,7 +1,7 @@
 //! Twin of `kernels/grid.cl`, `kernels/sort.cl` and `glsl/shared/cell.glsl`: photons sorted into cells.
 
 use crate::cells::{Bounds, Plan};
-use crate::layout::{Face, Gather, PhotonCell, PhotonDirection, PhotonPosition, PhotonPower};
+use crate::layout::{Face, Gather, PhotonDirection, PhotonPosition, PhotonPower};
 
 /// A photon map as it was stored, in path order.
 #[derive(Clone, Copy, Debug, Default)]
@@ -29,8 +29,6 @@ pub struct GridTables {
     pub powers: Vec<PhotonPower>,
     /// Sorted; empty unless given.
     pub directions: Vec<PhotonDirection>,
-    /// Rows of sorted photons; empty in the dense form.
-    pub cells: Vec<PhotonCell>,
 }
 
 /// On what a photon landed. The device keeps only [`face_of`] it.
@@ -73,13 +71,11 @@ pub fn is_endless(cell: i32) -> bool {
 }
 
 /// Where in the hashed table a row has its cell u = 0, before wrapping.
-pub fn hashed_row(face: usize, v: i32, w: i32) -> i32 {
-    let mut h = (v as u32).wrapping_mul(73_856_093)
-        ^ (w as u32).wrapping_mul(19_349_663)
-        ^ (face as u32).wrapping_mul(83_492_791);
+pub fn hashed_row(face: &Face, v: i32, w: i32) -> i32 {
+    let mut h = (v as u32).wrapping_mul(73_856_093) ^ (w as u32).wrapping_mul(19_349_663);
     h = (h ^ (h >> 16)).wrapping_mul(0x7feb_352d);
     h = (h ^ (h >> 15)).wrapping_mul(0x846c_a68b);
-    ((h ^ (h >> 16)) >> 8) as i32
+    face.base as i32 + ((h ^ (h >> 16)) >> 8) as i32
 }
 
 /// The same in the dense form.
@@ -88,7 +84,7 @@ pub fn dense_row(face: &Face, v: i32, w: i32) -> i32 {
 }
 
 /// Cell numbers along u, v, w of a photon on a face.
-fn cells_of(position: &PhotonPosition, face: &Face, gather: &Gather) -> [i32; 3] {
+pub fn cells_of(position: &PhotonPosition, face: &Face, gather: &Gather) -> [i32; 3] {
     let inverse = cell_axes(gather.inverse_cell, face.flipped, gather);
     let p = grid_axes(position.position, face.flipped);
     [0, 1, 2].map(|axis| cell_along(p[axis] - face.origin[axis], inverse[axis]))
@@ -106,11 +102,10 @@ pub fn grid_bounds(photons: &PhotonTables, faces: usize) -> Vec<Bounds> {
 /// Number of each photon's cell in the table.
 pub fn grid_keys(photons: &PhotonTables, plan: &Plan) -> Vec<u32> {
     let key = |(position, surface): (&PhotonPosition, &PhotonSurface)| {
-        let number = face_of(surface);
-        let face = &plan.faces[number];
+        let face = &plan.faces[face_of(surface)];
         let [u, v, w] = cells_of(position, face, &plan.gather);
         if plan.hashed {
-            (hashed_row(number, v, w).wrapping_add(u) & plan.gather.bucket_mask as i32) as u32
+            face.table as u32 + (hashed_row(face, v, w).wrapping_add(u) & plan.gather.bucket_mask as i32) as u32
         } else {
             (dense_row(face, v, w) + u) as u32
         }
@@ -130,17 +125,11 @@ pub fn grid(photons: &PhotonTables, plan: &Plan) -> GridTables {
         }
     }
     cell_starts.resize(plan.cells + 1, keys.len() as f32);
-    let row = |i: &u32| {
-        let number = face_of(&photons.surfaces[*i as usize]);
-        let [_, v, w] = cells_of(&photons.positions[*i as usize], &plan.faces[number], &plan.gather);
-        PhotonCell { cell: [number as f32, v as f32, w as f32] }
-    };
     GridTables {
         cell_starts,
         positions: reordered(photons.positions, &order),
         powers: reordered(photons.powers, &order),
         directions: if photons.directions.is_empty() { Vec::new() } else { reordered(photons.directions, &order) },
-        cells: if plan.hashed { order.iter().map(row).collect() } else { Vec::new() },
         order,
     }
 }

@@ -17,6 +17,8 @@ pub struct Target {
     framebuffer: glow::NativeFramebuffer,
     /// By output of the fragment shader.
     textures: Vec<glow::NativeTexture>,
+    /// Of the textures: `TEXTURE_2D`, or `TEXTURE_RECTANGLE` as tables have.
+    kind: u32,
     triangle: glow::NativeVertexArray,
     width: u32,
     height: u32,
@@ -32,16 +34,26 @@ impl Target {
     /// # Errors
     /// [`Error::Device`] when the driver refuses the size or the format.
     pub fn new(gl: &Functions, width: u32, height: u32, integers: bool) -> Result<Target> {
-        Target::with_outputs(gl, width, height, integers, 1)
+        Target::with_outputs(gl, [width, height], integers, 1, glow::TEXTURE_2D)
     }
 
-    /// A target for a fragment shader with several outputs.
+    /// A target of RGBA32F for a fragment shader that makes tables, one an output.
     ///
     /// # Errors
     /// As [`Target::new`].
-    pub fn with_outputs(gl: &Functions, width: u32, height: u32, integers: bool, outputs: u32) -> Result<Target> {
+    pub fn of_tables(gl: &Functions, width: u32, height: u32, outputs: u32) -> Result<Target> {
+        Target::with_outputs(gl, [width, height], false, outputs, glow::TEXTURE_RECTANGLE)
+    }
+
+    fn with_outputs(
+        gl: &Functions,
+        [width, height]: [u32; 2],
+        integers: bool,
+        outputs: u32,
+        kind: u32,
+    ) -> Result<Target> {
         let refused = |what| Error::Device(format!("OpenGL: target of {width} × {height}: {what}"));
-        let (internal, format, kind) = if integers {
+        let (internal, format, number) = if integers {
             (glow::RGBA32UI, glow::RGBA_INTEGER, glow::UNSIGNED_INT)
         } else {
             (glow::RGBA32F, glow::RGBA, glow::FLOAT)
@@ -56,6 +68,7 @@ impl Target {
                 gl: gl.clone(),
                 framebuffer: gl.create_framebuffer().map_err(refused)?,
                 textures: Vec::new(),
+                kind,
                 // Core profile draws nothing without a vertex array, though the quad has no attributes.
                 triangle: gl.create_vertex_array().map_err(refused)?,
                 width,
@@ -68,22 +81,22 @@ impl Target {
             for output in 0..outputs {
                 let texture = gl.create_texture().map_err(refused)?;
                 target.textures.push(texture);
-                gl.bind_texture(glow::TEXTURE_2D, Some(texture));
+                gl.bind_texture(kind, Some(texture));
                 gl.tex_image_2d(
-                    glow::TEXTURE_2D,
+                    kind,
                     0,
                     internal as i32,
                     width as i32,
                     height as i32,
                     0,
                     format,
-                    kind,
+                    number,
                     glow::PixelUnpackData::Slice(None),
                 );
-                gl.tex_parameter_i32(glow::TEXTURE_2D, glow::TEXTURE_MIN_FILTER, glow::NEAREST as i32);
-                gl.tex_parameter_i32(glow::TEXTURE_2D, glow::TEXTURE_MAG_FILTER, glow::NEAREST as i32);
+                gl.tex_parameter_i32(kind, glow::TEXTURE_MIN_FILTER, glow::NEAREST as i32);
+                gl.tex_parameter_i32(kind, glow::TEXTURE_MAG_FILTER, glow::NEAREST as i32);
                 let attachment = glow::COLOR_ATTACHMENT0 + output;
-                gl.framebuffer_texture_2d(glow::FRAMEBUFFER, attachment, glow::TEXTURE_2D, Some(texture), 0);
+                gl.framebuffer_texture_2d(glow::FRAMEBUFFER, attachment, kind, Some(texture), 0);
             }
             let attachments: Vec<u32> = (0..outputs).map(|output| glow::COLOR_ATTACHMENT0 + output).collect();
             gl.draw_buffers(&attachments);
@@ -99,7 +112,7 @@ impl Target {
         // SAFETY: the context is current.
         unsafe {
             self.gl.active_texture(glow::TEXTURE0 + unit);
-            self.gl.bind_texture(glow::TEXTURE_2D, Some(self.textures[output]));
+            self.gl.bind_texture(self.kind, Some(self.textures[output]));
             self.gl.active_texture(glow::TEXTURE0);
         }
     }

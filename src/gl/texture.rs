@@ -1,4 +1,7 @@
 //! Tables as RGB32F textures, read with GL_NEAREST.
+//!
+//! Rectangles: they have one level and are addressed by texel, so that a shader may ask the sampler for a texel's centre
+//! where that is the faster way (`shim.glsl`).
 
 use bytemuck::Pod;
 use glow::{HasContext, PixelUnpackData};
@@ -38,15 +41,14 @@ impl TableTexture {
         // SAFETY: the context is current; the texture is owned by the result.
         unsafe {
             let handle = gl.create_texture().map_err(|e| Error::Device(format!("OpenGL: texture: {e}")))?;
-            gl.bind_texture(glow::TEXTURE_2D, Some(handle));
+            gl.bind_texture(glow::TEXTURE_RECTANGLE, Some(handle));
             for (name, value) in [
                 (glow::TEXTURE_MIN_FILTER, glow::NEAREST),
                 (glow::TEXTURE_MAG_FILTER, glow::NEAREST),
                 (glow::TEXTURE_WRAP_S, glow::CLAMP_TO_EDGE),
                 (glow::TEXTURE_WRAP_T, glow::CLAMP_TO_EDGE),
-                (glow::TEXTURE_MAX_LEVEL, 0),
             ] {
-                gl.tex_parameter_i32(glow::TEXTURE_2D, name, value as i32);
+                gl.tex_parameter_i32(glow::TEXTURE_RECTANGLE, name, value as i32);
             }
             Ok(TableTexture {
                 gl: gl.clone(),
@@ -103,17 +105,17 @@ impl TableTexture {
         let gl = &self.gl;
         // SAFETY: the context is current, and no pixel buffer is bound: the image's memory is only made.
         unsafe {
-            let limit = gl.get_parameter_i32(glow::MAX_TEXTURE_SIZE) as u32;
+            let limit = gl.get_parameter_i32(glow::MAX_RECTANGLE_TEXTURE_SIZE) as u32;
             if shape.height > limit || shape.width > limit {
                 return Err(Error::Device(format!(
                     "OpenGL: a table of {texels} texels needs a texture of {} × {}, the driver's limit is {limit}",
                     shape.width, shape.height
                 )));
             }
-            gl.bind_texture(glow::TEXTURE_2D, Some(self.handle));
+            gl.bind_texture(glow::TEXTURE_RECTANGLE, Some(self.handle));
             if !self.shape.is_some_and(|have| serves(have, shape)) {
                 gl.tex_image_2d(
-                    glow::TEXTURE_2D,
+                    glow::TEXTURE_RECTANGLE,
                     0,
                     glow::RGB32F as i32,
                     shape.width as i32,
@@ -135,13 +137,13 @@ impl TableTexture {
         let gl = &self.gl;
         // SAFETY: the context is current; every part has exactly the size of the rows it fills, checked by `Shape`.
         unsafe {
-            gl.bind_texture(glow::TEXTURE_2D, Some(self.handle));
+            gl.bind_texture(glow::TEXTURE_RECTANGLE, Some(self.handle));
             gl.pixel_store_i32(glow::UNPACK_ALIGNMENT, 4);
             let rows = texels / width;
             for (y, columns, rows) in [(0, width, rows), (rows, texels % width, 1)] {
                 if columns * rows > 0 {
                     gl.tex_sub_image_2d(
-                        glow::TEXTURE_2D,
+                        glow::TEXTURE_RECTANGLE,
                         0,
                         0,
                         y as i32,
@@ -164,7 +166,7 @@ impl TableTexture {
         // SAFETY: the context is current.
         unsafe {
             self.gl.active_texture(glow::TEXTURE0 + unit);
-            self.gl.bind_texture(glow::TEXTURE_2D, Some(self.handle));
+            self.gl.bind_texture(glow::TEXTURE_RECTANGLE, Some(self.handle));
             self.gl.active_texture(glow::TEXTURE0);
         }
     }

@@ -13,7 +13,7 @@ use crate::cells::{Bounds, CellSize, Form, Plan, plan};
 use crate::cl::{Arg, Buffer, Context, Kernel, PART_ALIGNMENT};
 use crate::error::Result;
 use crate::gathering::Method;
-use crate::layout::{Face, Gather, Object, PhotonCell, PhotonDirection, PhotonPosition, PhotonPower, TEXEL};
+use crate::layout::{Face, Gather, Object, PhotonDirection, PhotonPosition, PhotonPower, TEXEL};
 use crate::pace;
 use crate::source::{Options, assemble};
 
@@ -48,8 +48,6 @@ pub struct Sorted {
     pub powers: Buffer<PhotonPower>,
     /// Sorted; only where a glossy surface asks.
     pub directions: Option<Buffer<PhotonDirection>>,
-    /// Rows of sorted photons; none in the dense form.
-    pub cells: Option<Buffer<PhotonCell>>,
     /// As stored.
     faces: Buffer<f32>,
     /// Paths emitted.
@@ -72,19 +70,17 @@ impl Grid {
 
     /// `PHOTON_PARAMS` of `shim.cl`, in their order: the sorted tables or, for brute force, the stored ones. None when
     /// the photons are not in that order.
-    pub fn args(&self, stored: Option<&Photons>, method: Method) -> Option<[Arg; 8]> {
+    pub fn args(&self, stored: Option<&Photons>, method: Method) -> Option<[Arg; 7]> {
         let nothing = Arg::from(&self.nothing);
-        let [cells, positions, powers, faces, directions] = if method.reads_stored() {
+        let [positions, powers, faces, directions] = if method.reads_stored() {
             let Photons { positions, powers, faces, directions, .. } = stored?;
-            [nothing, (*positions).into(), (*powers).into(), (*faces).into(), directions.map_or(nothing, Arg::from)]
+            [(*positions).into(), (*powers).into(), (*faces).into(), directions.map_or(nothing, Arg::from)]
         } else {
-            let Sorted { positions, powers, directions, cells, .. } = self.sorted.as_ref()?;
-            let [cells, directions] =
-                [cells.as_ref().map_or(nothing, Arg::from), directions.as_ref().map_or(nothing, Arg::from)];
-            [cells, positions.into(), powers.into(), nothing, directions]
+            let Sorted { positions, powers, directions, .. } = self.sorted.as_ref()?;
+            [positions.into(), powers.into(), nothing, directions.as_ref().map_or(nothing, Arg::from)]
         };
         let [gather, records] = [Arg::from(&self.gather), Arg::from(&self.faces)];
-        Some([gather, records, (&self.cell_starts).into(), cells, positions, powers, faces, directions])
+        Some([gather, records, (&self.cell_starts).into(), positions, powers, faces, directions])
     }
 
     /// About the most photons that one query looks at, where the fullest cell is known.
@@ -103,7 +99,6 @@ impl Grid {
             sorted.positions.bytes()
                 + sorted.powers.bytes()
                 + sorted.directions.as_ref().map_or(0, Buffer::bytes)
-                + sorted.cells.as_ref().map_or(0, Buffer::bytes)
                 + sorted.faces.bytes()
         });
         self.gather.bytes() + self.faces.bytes() + self.cell_starts.bytes() + self.nothing.bytes() + sorted
@@ -135,7 +130,6 @@ struct Kernels {
     keys: Kernel,
     starts: Kernel,
     reorder: Kernel,
-    rows: Option<Kernel>,
 }
 
 impl Kernels {
@@ -143,12 +137,7 @@ impl Kernels {
         let defines = if hashed { vec!["GRID_HASHED".to_string()] } else { Vec::new() };
         let source = assemble("grid.cl", None, &Options { defines, ..Options::default() });
         let kernel = |name| context.kernel(&source, name);
-        Ok(Kernels {
-            keys: kernel("grid_keys")?,
-            starts: kernel("grid_starts")?,
-            reorder: kernel("grid_reorder")?,
-            rows: if hashed { Some(kernel("grid_rows")?) } else { None },
-        })
+        Ok(Kernels { keys: kernel("grid_keys")?, starts: kernel("grid_starts")?, reorder: kernel("grid_reorder")? })
     }
 }
 
@@ -296,32 +285,14 @@ impl GridStage {
             Some(directions) => reorder(directions.cast(), free).map(|(sorted, free)| (Some(sorted), free))?,
             None => (None, free),
         };
-        let mut sorted = Sorted {
+        self.spare = Some(free);
+        grid.sorted = Some(Sorted {
             positions: positions.cast(),
             powers: powers.cast(),
             directions: directions.map(Buffer::cast),
-            cells: None,
             faces: map.faces,
             emitted: map.emitted,
-        };
-        match &kernels.rows {
-            Some(rows) => {
-                let args = [
-                    order,
-                    (&sorted.positions).into(),
-                    (&sorted.faces).into(),
-                    (&grid.faces).into(),
-                    (&grid.gather).into(),
-                    (&free).into(),
-                    tail[0],
-                    tail[1],
-                ];
-                context.launch(rows, &args, &[items], None)?;
-                sorted.cells = Some(free.cast());
-            }
-            None => self.spare = Some(free),
-        }
-        grid.sorted = Some(sorted);
+        });
         // Last, since the host waits for it.
         grid.fullest = match pace::cuts_all(context.device.is_gpu) {
             true => Some(self.fullest.of(context, &grid.cell_starts, cells)?),
@@ -376,8 +347,8 @@ impl GridStage {
 
     /// The last map's tables in whatever order, and the memory of one table more.
     fn take_tables(&mut self) -> Option<(PhotonMap, Buffer<Texel>)> {
-        let Sorted { positions, powers, directions, cells, faces, emitted } = self.grid.sorted.take()?;
-        let free = cells.map(Buffer::cast).or(self.spare.take())?;
+        let Sorted { positions, powers, directions, faces, emitted } = self.grid.sorted.take()?;
+        let free = self.spare.take()?;
         Some((PhotonMap { positions, powers, faces, directions, stored: self.grid.count, emitted }, free))
     }
 

@@ -324,7 +324,6 @@ impl MapStage {
                     + size_of_val(&stored.directions[..]);
                 let sorted = size_of_val(&grid.positions[..]) * 2
                     + size_of_val(&grid.directions[..])
-                    + size_of_val(&grid.cells[..])
                     + size_of_val(&grid.order[..]);
                 let lists = map
                     .tiles

@@ -14,15 +14,14 @@ use crate::error::{Error, Result};
 use crate::gathering::{Gathering, Method};
 use crate::gl::{Functions, PixelBuffer, Program, TableTexture};
 use crate::layout::{
-    Face, Gather, PhotonCell, PhotonDirection, PhotonPosition, PhotonPower, Record, Region, TEXEL, TEXTURE_WIDTH_LOG2,
-    Tile,
+    Face, Gather, PhotonDirection, PhotonPosition, PhotonPower, Record, Region, TEXEL, TEXTURE_WIDTH_LOG2, Tile,
 };
 use crate::tiling;
 
 /// The photon map as textures, one a property; what a permutation does not read is neither read back nor uploaded.
 pub struct PhotonTextures {
     /// In the order of [`PhotonTextures::SAMPLERS`].
-    tables: [TableTexture; 10],
+    tables: [TableTexture; 9],
     gather: Gather,
     /// Bound on the candidates of any query, for drivers that end long loops.
     pub most_candidates: u64,
@@ -33,10 +32,9 @@ pub struct PhotonTextures {
 
 impl PhotonTextures {
     /// The samplers of `gather.glsl`, in the order of their texture units.
-    pub const SAMPLERS: [&str; 10] = [
+    pub const SAMPLERS: [&str; 9] = [
         Face::TABLE,
         "cell_starts",
-        PhotonCell::TABLE,
         PhotonPosition::TABLE,
         PhotonPower::TABLE,
         "photon_faces",
@@ -52,8 +50,7 @@ impl PhotonTextures {
     /// [`crate::error::Error::Device`] when the driver gives no textures.
     pub fn new(gl: &Functions, is_bounded: bool) -> Result<PhotonTextures> {
         let table = || TableTexture::new(gl, TEXTURE_WIDTH_LOG2);
-        let tables =
-            [table()?, table()?, table()?, table()?, table()?, table()?, table()?, table()?, table()?, table()?];
+        let tables = [table()?, table()?, table()?, table()?, table()?, table()?, table()?, table()?, table()?];
         Ok(PhotonTextures {
             tables,
             gather: Gather::default(),
@@ -81,18 +78,17 @@ impl PhotonTextures {
             _ => stored.positions.len() as u64,
         };
         if gathering.method.reads_stored() {
-            self.tables[3].fill(stored.positions)?;
-            self.tables[4].fill(stored.powers)?;
+            self.tables[2].fill(stored.positions)?;
+            self.tables[3].fill(stored.powers)?;
             let faces: Vec<f32> = stored.surfaces.iter().map(|surface| face_of(surface) as f32).collect();
-            self.tables[5].fill_texels(&whole_texels(faces))?;
-            return self.tables[6].fill(stored.directions);
+            self.tables[4].fill_texels(&whole_texels(faces))?;
+            return self.tables[5].fill(stored.directions);
         }
         self.tables[0].fill(&plan.faces)?;
         self.tables[1].fill_texels(&whole_texels(grid.cell_starts.clone()))?;
-        self.tables[2].fill(&grid.cells)?;
-        self.tables[3].fill(&grid.positions)?;
-        self.tables[4].fill(&grid.powers)?;
-        self.tables[6].fill(&grid.directions)
+        self.tables[2].fill(&grid.positions)?;
+        self.tables[3].fill(&grid.powers)?;
+        self.tables[5].fill(&grid.directions)
     }
 
     /// Takes over a map; `gathering` says which tables its method reads.
@@ -110,12 +106,12 @@ impl PhotonTextures {
         if gathering.method.reads_stored() {
             let Some(Photons { positions, powers, faces, directions, count }) = stored else { return Err(unordered()) };
             self.most_candidates = *count as u64;
-            self.copy(3, context, positions, *count)?;
-            self.copy(4, context, powers, *count)?;
-            self.copy(5, context, faces, count.div_ceil(TEXEL))?;
-            return directions.map_or(Ok(()), |directions| self.copy(6, context, directions, *count));
+            self.copy(2, context, positions, *count)?;
+            self.copy(3, context, powers, *count)?;
+            self.copy(4, context, faces, count.div_ceil(TEXEL))?;
+            return directions.map_or(Ok(()), |directions| self.copy(5, context, directions, *count));
         }
-        let Some(Sorted { positions, powers, directions, cells, .. }) = &grid.sorted else { return Err(unordered()) };
+        let Some(Sorted { positions, powers, directions, .. }) = &grid.sorted else { return Err(unordered()) };
         let count = grid.count;
         self.tables[0].fill(&grid.plan.faces)?;
         self.copy(1, context, &grid.cell_starts, (grid.plan.cells + 1).div_ceil(TEXEL))?;
@@ -126,12 +122,9 @@ impl PhotonTextures {
                 grid.cell_starts.mapped(context, grid.plan.cells + 1, most)?
             }
         };
-        if let Some(cells) = cells {
-            self.copy(2, context, cells, count)?;
-        }
-        self.copy(3, context, positions, count)?;
-        self.copy(4, context, powers, count)?;
-        directions.as_ref().map_or(Ok(()), |directions| self.copy(6, context, directions, count))
+        self.copy(2, context, positions, count)?;
+        self.copy(3, context, powers, count)?;
+        directions.as_ref().map_or(Ok(()), |directions| self.copy(5, context, directions, count))
     }
 
     /// Takes over the tiles of a map that was taken over before.
@@ -144,9 +137,9 @@ impl PhotonTextures {
             self.most_candidates = most;
         }
         self.copy(1, context, &tiles.cell_starts, (tiles.plan.cells + 1).div_ceil(3))?;
-        self.tables[7].fill(&tiles.plan.tiles)?;
-        self.tables[8].fill(&tiles.plan.regions)?;
-        self.copy(9, context, &tiles.tile_photons, tiles.pairs.div_ceil(3))
+        self.tables[6].fill(&tiles.plan.tiles)?;
+        self.tables[7].fill(&tiles.plan.regions)?;
+        self.copy(8, context, &tiles.tile_photons, tiles.pairs.div_ceil(3))
     }
 
     /// The same for tiles made by the CPU.
@@ -156,9 +149,9 @@ impl PhotonTextures {
     pub fn fill_tiles_from_host(&mut self, plan: &tiling::Plan, tables: &TileTables) -> Result<()> {
         self.gather = plan.gather;
         self.tables[1].fill_texels(&whole_texels(tables.cell_starts.clone()))?;
-        self.tables[7].fill(&plan.tiles)?;
-        self.tables[8].fill(&plan.regions)?;
-        self.tables[9].fill_texels(&whole_texels(tables.tile_photons.clone()))
+        self.tables[6].fill(&plan.tiles)?;
+        self.tables[7].fill(&plan.regions)?;
+        self.tables[8].fill_texels(&whole_texels(tables.tile_photons.clone()))
     }
 
     /// The first `texels` texels of a buffer: where the device is the CPU, straight from its memory; else by DMA into a

@@ -243,7 +243,7 @@ mod tests {
 
     #[test]
     fn occupied_cells_lie_where_the_table_says() {
-        let face = Face { origin: [1.0, 10.0, 100.0], counts: [3.0, 2.0, 1.0], base: 0.0, flipped: 0.0, reserved: 0.0 };
+        let face = Face { origin: [1.0, 10.0, 100.0], counts: [3.0, 2.0, 1.0], base: 0.0, flipped: 0.0, table: 0.0 };
         let gather = Gather { cell: [0.5, 2.0, 4.0], ..Gather::default() };
         // Cells 0 to 5; number 4 (u = 1, v = 1) holds seven photons.
         let starts = [0.0, 0.0, 0.0, 0.0, 0.0, 7.0, 7.0];

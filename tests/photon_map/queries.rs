@@ -1,7 +1,7 @@
 //! No query misses a photon or counts one twice, whatever collides.
 
 use glam::Vec3;
-use photile::cells::{CellSize, Form};
+use photile::cells::{CellSize, Form, Plan};
 use photile::cpu::gather::{PhotonMap, near};
 use photile::cpu::grid::{GridTables, face_of, grid};
 use photile::gathering::Gathering;
@@ -53,13 +53,34 @@ fn check(map: &Map, radius: f32, size: CellSize, form: Form, queries: usize) -> 
 
 #[test]
 fn a_million_queries_with_forced_collisions_miss_nothing_and_double_nothing() {
-    let map = room_photons(100, 1);
+    let map = room_photons(400, 1);
     let mut found = 0;
-    // Two to 64 buckets for some hundred cells: every row shares its buckets with many others.
-    for (buckets, radius) in [(2, 0.7), (8, 0.4), (64, 0.7), (64, 1.5)] {
+    // As few buckets as faces may share, for thousands of cells: every row shares its buckets with many others.
+    for (buckets, radius) in [(2, 0.3), (2, 0.7), (1024, 0.1), (4096, 1.5)] {
         found += check(&map, radius, CellSize::Auto, Form::Hashed(Some(buckets)), 250_000);
     }
+    // Faces whose u and v are exchanged read other numbers off the same photon: many near by, in few buckets.
+    found += check(&room_photons(3000, 14), 0.8, CellSize::Auto, Form::Hashed(Some(2)), 5000);
     assert!(found > 300_000, "only {found} photons in reach: the queries tested nothing");
+}
+
+#[test]
+fn faces_whose_rows_began_at_the_same_bucket_would_be_mixed_up() {
+    let (map, radius) = (room_photons(400, 1), 0.7);
+    let mut plan = map.plan(&room(), radius, CellSize::Auto, Form::Hashed(Some(2)));
+    let mixed = |plan: &Plan| {
+        let tables = grid(&map.tables(), plan);
+        let gathering = Gathering { hashed: true, ..Gathering::default() };
+        let seen = PhotonMap { gathering: &gathering, plan, stored: map.tables(), grid: &tables, tiles: None };
+        let wrong = |photon: &usize| {
+            let (face, point) = (face_of(&map.surfaces[*photon]), Vec3::from(map.positions[*photon].position));
+            answer(&seen, &tables, face, point) != truth(&map, face, point, radius)
+        };
+        (0..map.len()).filter(wrong).count()
+    };
+    assert_eq!(mixed(&plan), 0);
+    plan.faces.iter_mut().for_each(|face| face.base = 0.0);
+    assert!(mixed(&plan) > 10);
 }
 
 #[test]

@@ -14,7 +14,7 @@ use crate::gl::{Functions, Program, TableTexture, Target};
 use crate::lattice::FinalPass;
 use crate::layout::{Frame, Light, Object, Record, TEXTURE_WIDTH_LOG2};
 use crate::pack::Packed;
-use crate::source::{Options, assemble};
+use crate::source::{Options, Source, assemble};
 use crate::stage::irradiance::IrradianceView;
 use crate::stage::map::MapView;
 use crate::stage::photon_textures::PhotonTextures;
@@ -36,6 +36,8 @@ pub struct GlTrace {
     active: Option<Permutation>,
     /// Loop rounds of a fragment.
     rounds: Rounds,
+    /// Whether texels are asked of the sampler rather than fetched by integers; see `shim.glsl`.
+    is_sampled: bool,
     /// Called between bands of rows.
     pause: Option<Pause>,
     /// All that is wanted, where that is not all.
@@ -65,6 +67,7 @@ impl GlTrace {
             site_programs: HashMap::new(),
             active: None,
             rounds: if is_software { draws::LLVMPIPE } else { draws::GPU },
+            is_sampled: is_software,
             pause: None,
             rows: Vec::new(),
             missing: Vec::new(),
@@ -82,9 +85,15 @@ impl GlTrace {
         if sliced {
             defines.push("SLICED".into());
         }
-        let source = assemble("trace.frag", Some(&permutation.features), &Options { defines, ..Options::default() });
+        let source = self.source("trace.frag", &permutation.features, defines);
         self.programs.insert((*permutation, sliced), Program::new(&self.gl, &source)?);
         Ok(())
+    }
+
+    /// A fragment shader's text, as this driver reads tables fastest.
+    fn source(&self, unit: &str, features: &Features, mut defines: Vec<String>) -> Source {
+        defines.extend(self.is_sampled.then(|| "SAMPLED".into()));
+        assemble(unit, Some(features), &Options { defines, ..Options::default() })
     }
 
     /// The program's samplers in the order of their texture units: these, then the scene's where it has any.
@@ -129,7 +138,7 @@ impl Trace for GlTrace {
     fn compile(&mut self, permutation: &Permutation) -> Result<()> {
         self.program(permutation, false)?;
         if permutation.final_gather == Some(true) && !self.site_programs.contains_key(&permutation.features) {
-            let source = assemble("sites.frag", Some(&permutation.features), &Options::default());
+            let source = self.source("sites.frag", &permutation.features, Vec::new());
             self.site_programs.insert(permutation.features, Program::new(&self.gl, &source)?);
         }
         self.active = Some(*permutation);

@@ -67,7 +67,7 @@ impl FinalTextures {
         let count = lattice.columns as u32 * lattice.rows as u32;
         let rows = count.div_ceil(1 << TEXTURE_WIDTH_LOG2);
         if self.sites.as_ref().is_none_or(|(known, _)| *known < rows) {
-            let target = Target::with_outputs(&self.gl, 1 << TEXTURE_WIDTH_LOG2, rows, false, 2)?;
+            let target = Target::of_tables(&self.gl, 1 << TEXTURE_WIDTH_LOG2, rows, 2)?;
             self.sites = Some((rows, target));
         }
         let Some((_, target)) = &self.sites else {
