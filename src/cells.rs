@@ -1,6 +1,8 @@
 //! Lays out the photon grid: from the box of each face's photons and a radius to the faces' records, and the choice
 //! between its two forms. The device and its twin both start from this plan; `cell.glsl` says what cells are.
 
+pub mod crowd;
+
 use crate::error::{Error, Result};
 use crate::layout::{Face, Gather, MAX_EXACT_INDEX, Object, PLANE};
 use crate::memory::table_entries;
@@ -84,8 +86,10 @@ pub enum CellSize {
     /// For queries that walk alone: R divided by [`CELLS_PER_RADIUS_ALONE`], or coarser cells where photons are few or
     /// where those would have to be hashed: in a fragment shader a hashed row costs five times a dense one. Hashed cells
     /// are R divided by [`CELLS_PER_RADIUS`]: sphere_and_plane takes a quarter less at R/2 than at R/3 (H200, R = 0.1 and
-    /// 0.2 m), and R is better where hardly a photon is accepted only.
+    /// 0.2 m).
     Alone,
+    /// The same for fragments of a software driver, whose hashed cells are R wide where photons are few ([`plan_by_crowd`]).
+    Fragments,
     /// Along x, y, z; metres.
     Metres([f32; 3]),
     /// So many cells along x, y, z of the box of all photons, as `--grid NXxNYxNZ` asks for.
@@ -148,6 +152,31 @@ fn within_a_disc(bounds: &[Bounds], photons: usize, radius: f32) -> f32 {
     photons as f32 * std::f32::consts::PI * radius * radius / area
 }
 
+/// Photons of a disc where they lie closest below which hashed cells are R wide: most rows are empty then, and each costs its
+/// look at the table. sphere_and_plane, 200k photons, llvmpipe, at R and R/2: 86 and 127 ms for R = 0.1 m, 156 and 166 for
+/// 0.2 m. (On an H200 2.6 and 3.0, 7.0 and 5.7: not worth half a millisecond of looking.)
+const FEW_HASHED: f32 = 15.0;
+
+/// [`plan`] where [`CellSize::Fragments`] goes by how close photons lie in the hashed form too; `crowd` tells, and is asked only
+/// there (see [`crowd::crowd`]).
+///
+/// # Errors
+/// As [`plan`], and those of `crowd`.
+pub fn plan_by_crowd(
+    objects: &[Object],
+    bounds: &[Bounds],
+    photons: usize,
+    radius: f32,
+    (size, form): (CellSize, Form),
+    crowd: impl FnOnce() -> Result<f32>,
+) -> Result<Plan> {
+    let usual = plan(objects, bounds, photons, radius, size, form)?;
+    if !usual.hashed || (size, form) != (CellSize::Fragments, Form::Auto) || crowd()? >= FEW_HASHED {
+        return Ok(usual);
+    }
+    plan(objects, bounds, photons, radius, CellSize::PerRadius(1.0), Form::Hashed(None))
+}
+
 /// Lays out the grid for photons whose faces have these boxes (two a object, in the order of faces).
 ///
 /// # Errors
@@ -166,8 +195,8 @@ pub fn plan(
 ) -> Result<Plan> {
     let rows: &[(f32, f32)] = match (size, form) {
         (CellSize::Auto, Form::Auto) => &TOGETHER,
-        (CellSize::Alone, Form::Auto) if within_a_disc(bounds, photons, radius) < FEW => &SPARSE,
-        (CellSize::Alone, Form::Auto) => &ALONE,
+        (CellSize::Alone | CellSize::Fragments, Form::Auto) if within_a_disc(bounds, photons, radius) < FEW => &SPARSE,
+        (CellSize::Alone | CellSize::Fragments, Form::Auto) => &ALONE,
         _ => &[],
     };
     for (along, across) in rows {
@@ -189,7 +218,7 @@ pub fn plan(
     }
     let cell = match size {
         // Dense cells are laid out above.
-        CellSize::Auto | CellSize::Alone => [radius / CELLS_PER_RADIUS; 3],
+        CellSize::Auto | CellSize::Alone | CellSize::Fragments => [radius / CELLS_PER_RADIUS; 3],
         CellSize::PerRadius(cells) => [radius / cells; 3],
         CellSize::Rows(along, across) => [radius / along, radius / across, radius / across],
         CellSize::Metres(cell) | CellSize::Lattice { cell, .. } => cell,
@@ -329,6 +358,18 @@ mod tests {
         let many = vec![plane([0.0, 1.0, 0.0]); 300_000];
         let refused = plan(&many, &vec![bounds[0]; 600_000], 1000, 0.1, CellSize::Auto, Form::Auto);
         assert!(matches!(refused, Err(Error::Usage(why)) if why.contains("at most")));
+    }
+
+    #[test]
+    fn hashed_cells_are_wide_where_photons_are_few() {
+        let (objects, bounds) = room(1e4);
+        let cells = |size, crowd: f32| {
+            let plan = plan_by_crowd(&objects, &bounds, 1000, 0.3, (size, Form::Auto), || Ok(crowd)).unwrap();
+            assert!(plan.hashed);
+            (0.3 / plan.gather.cell[0]).round()
+        };
+        assert_eq!((cells(CellSize::Fragments, 5.0), cells(CellSize::Fragments, 500.0)), (1.0, 2.0));
+        assert_eq!((cells(CellSize::Alone, 5.0), cells(CellSize::Auto, 5.0)), (2.0, 2.0));
     }
 
     #[test]

@@ -5,7 +5,7 @@
 
 use glam::Vec3;
 
-use crate::cells::{self, Bounds, CELLS_PER_RADIUS, CellSize, Form};
+use crate::cells::{self, Bounds, CELLS_PER_RADIUS, CellSize, Form, crowd};
 use crate::cpu::camera::camera_direction;
 use crate::cpu::scene::SceneTables;
 use crate::layout::{Frame, Object, PLANE};
@@ -67,10 +67,9 @@ impl Class {
                 0.0, 0.0, 0.000638, 0.0, 0.0, 0.151, 0.00081, 0.000361, 0.0, 3.74e5, 0.797, 0.262, 1.16e6, 1.05, 0.842,
                 2.52, 48.4,
             ],
-            Class::OpenGlSoftware => &[
-                105.0, 4.63, 0.0, 1.1, 0.0, 105.0, 5.91, 5.25, 14.4, 3.15e6, 123.0, 8.57, 31300.0, 32.6, 647.0,
-                0.00159, 1.55e5,
-            ],
+            Class::OpenGlSoftware => {
+                &[35.0, 3.5, 0.0, 0.939, 16.4, 46.7, 7.48, 3.57, 30.8, 3.79e6, 44.1, 0.0, 0.0, 148.0, 552.0, 0.0, 0.0]
+            }
             Class::OpenGlGpu => &[
                 0.0, 0.0448, 0.0, 0.0384, 0.196, 0.545, 0.0459, 0.000775, 0.00429, 6.18e5, 7.37, 1.46, 4.76e6, 1.64,
                 6.13, 44.7, 190.0,
@@ -89,7 +88,8 @@ impl Class {
     /// How large the grid's cells are made for it.
     pub fn cell_size(self) -> CellSize {
         match self {
-            Class::OpenGlSoftware | Class::OpenGlGpu => CellSize::Alone,
+            Class::OpenGlSoftware => CellSize::Fragments,
+            Class::OpenGlGpu => CellSize::Alone,
             Class::Cpu | Class::OpenClLanes | Class::OpenClGpu => CellSize::Auto,
         }
     }
@@ -349,8 +349,14 @@ fn grid(scene: &SceneTables, sample: &Sample, question: &Question) -> Option<cel
     for (position, face) in sample.positions.iter().zip(&sample.faces) {
         bounds[*face as usize].add(position.position);
     }
-    let size = question.class.cell_size();
-    cells::plan(scene.objects, &bounds, question.stored as usize, question.radius, size, Form::Auto).ok()
+    let (stored, wanted) = (question.stored as usize, (question.class.cell_size(), Form::Auto));
+    let few = sample.positions.len().min(crowd::SAMPLE);
+    let crowd = || {
+        let faces = sample.faces[..few].iter().copied();
+        let sample: Vec<_> = sample.positions[..few].iter().map(|p| p.position).zip(faces).collect();
+        Ok(crowd::crowd(&sample, stored, question.radius))
+    };
+    cells::plan_by_crowd(scene.objects, &bounds, stored, question.radius, wanted, crowd).ok()
 }
 
 /// What a method took.
@@ -367,12 +373,12 @@ pub struct Taken {
 /// Costs of one of each term, nanoseconds, that fit measured milliseconds and none of them below 0: least squares by
 /// coordinate descent (Franc, Hlaváč & Navara, "Sequential Coordinate-Wise Algorithm for the Non-negative Least Squares
 /// Problem", 2005). Twice as much and half as much count alike: (predicted − measured) / √(predicted · measured). What
-/// is far from the best of its setting need not be known as well.
-pub fn fit(measured: &[Taken]) -> Counts {
+/// is far from the best of its setting need not be known as well: it counts less by that factor to the power `shun`.
+pub fn fit(measured: &[Taken], shun: i32) -> Counts {
     let mut costs = [0.0; TERMS.len()];
     let mut predicted: Vec<f64> = measured.iter().map(|taken| taken.ms).collect();
     for _ in 0..20 {
-        let weight = |(taken, p): (&Taken, &f64)| 1.0 / (taken.over_best * (taken.ms * p).sqrt());
+        let weight = |(taken, p): (&Taken, &f64)| 1.0 / (taken.over_best.powi(shun) * (taken.ms * p).sqrt());
         let weights: Vec<f64> = measured.iter().zip(&predicted).map(weight).collect();
         let scaled = |(taken, weight): (&Taken, &f64)| taken.counts.map(|count| count * 1e-6 * weight);
         let rows: Vec<Counts> = measured.iter().zip(&weights).map(scaled).collect();
@@ -416,9 +422,20 @@ fn regret(settings: &[Vec<Taken>], costs: &Counts) -> f64 {
 const LEAVING: f64 = 5e-4;
 
 /// Costs by which the methods that take least are chosen: from those that [`fit`] the times, steps of each cost as long
-/// as these lower the [`regret`] by more than they lead away. A setting is the methods that were measured for it.
+/// as these lower the [`regret`] by more than they lead away; the best of several such ways. A setting is the methods that
+/// were measured for it.
 pub fn fit_choice(settings: &[Vec<Taken>]) -> Counts {
-    let mut costs = fit(&settings.concat());
+    let ways = [1, 2, 3].map(|shun| descend(settings, fit(&settings.concat(), shun)));
+    let [(costs, _), ..] = {
+        let mut ways = ways;
+        ways.sort_by(|a, b| a.1.total_cmp(&b.1));
+        ways
+    };
+    costs
+}
+
+/// The steps of [`fit_choice`] from some costs on, and what is lost by those that they lead to.
+fn descend(settings: &[Vec<Taken>], mut costs: Counts) -> (Counts, f64) {
     let typical = |term: usize, costs: &Counts| {
         // A cost of 0 cannot be stepped from: a thousandth of the longest time's share is where it begins.
         let most = settings.iter().flatten().map(|taken| taken.counts[term]).fold(0.0, f64::max);
@@ -443,7 +460,7 @@ pub fn fit_choice(settings: &[Vec<Taken>]) -> Counts {
             }
         }
     }
-    costs
+    (costs, least)
 }
 
 #[cfg(test)]
@@ -461,7 +478,7 @@ mod tests {
             let ms = counts.iter().zip(&costs).map(|(count, cost)| count * cost).sum::<f64>() * 1e-6;
             Taken { counts, ms, over_best: 1.0 }
         };
-        let found = fit(&(0..60).map(row).collect::<Vec<_>>());
+        let found = fit(&(0..60).map(row).collect::<Vec<_>>(), 1);
         for (found, cost) in found.iter().zip(costs) {
             assert!((found - cost).abs() < 0.05, "{found}, made with {cost}");
         }
@@ -500,7 +517,7 @@ mod tests {
         let setting = |a: f64, b: f64| vec![rival(0, 1.0, a, a.min(b)), rival(1, 1.0, b, a.min(b))];
         let settings = [setting(1.0, 4.0), setting(5.0, 4.0), setting(1.0, 4.2), setting(1.2, 4.0)];
         let costs = fit_choice(&settings);
-        assert!(regret(&settings, &costs) <= regret(&settings, &fit(&settings.concat())));
+        assert!(regret(&settings, &costs) <= regret(&settings, &fit(&settings.concat(), 1)));
         assert!(costs[0] < costs[1], "three of four are better with A: {costs:?}");
         let wrong = [vec![rival(0, 1.0, 4.0, 1.0), rival(1, 1.0, 1.0, 1.0)]];
         assert!(regret(&wrong, &costs) > 1.0, "the worse one is chosen, which takes four times as long");

@@ -28,6 +28,9 @@ const GOOD: f64 = 1.15;
 const LONG: f64 = 1000.0;
 const SHORT: f64 = 30.0;
 
+/// How many times as long as the best one's a first picture takes where no more of its kind are needed: it is not the best.
+const HOPELESS: f64 = 3.0;
+
 /// The numbers of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Plan {
@@ -203,11 +206,13 @@ fn measure(
     settings.gather.radius = Some(radius);
     let mut samples = vec![Samples::default(); estimates.len()];
     let mut warm_up = vec![0.0f64; estimates.len()];
+    let mut best_first = f64::INFINITY;
     for round in 0..=2 * rounds {
         for (number, ((estimate, samples), first)) in estimates.iter().zip(&mut samples).zip(&mut warm_up).enumerate() {
             let wanted = match *first {
                 _ if round == 0 => rounds,
                 first if first.is_nan() => 0,
+                first if first > SHORT && first > HOPELESS * best_first => 0,
                 first if first > LONG => 1,
                 first if first < SHORT => 2 * rounds,
                 _ => rounds,
@@ -218,10 +223,13 @@ fn measure(
             settings.gather.method = estimate.method;
             settings.gather.tile = estimate.tile;
             // Photons of its own, as where a light moves: everything is sorted and moved anew, and nobody finds what
-            // another left. What is short is rendered twice, since drivers and paces have to settle on it again.
+            // another left. What is short is rendered twice, since drivers and paces have to settle on it again, and the
+            // very first time some compile.
             let mut ms = 0.0;
-            let settled = u32::from(round > 0 && *first < LONG);
-            for again in 0..=settled {
+            for again in 0..2 {
+                if again > 0 && (ms > LONG || ms.is_nan()) {
+                    break;
+                }
                 settings.photons.pass = 2 * (round * estimates.len() as u32 + number as u32) + again;
                 ms = match pipeline.render(setting.scene, &settings) {
                     Ok(Rendering { times, .. }) => times.grid + times.tiles + times.upload + times.trace,
@@ -235,9 +243,14 @@ fn measure(
                 continue;
             }
             match round {
-                0 => *first = ms,
+                0 => (*first, best_first) = (ms, best_first.min(ms)),
                 _ => samples.ms.push(ms),
             }
+        }
+    }
+    for (samples, first) in samples.iter_mut().zip(warm_up) {
+        if samples.ms.is_empty() && !first.is_nan() {
+            samples.ms.push(first);
         }
     }
     let done = || estimates.iter().zip(&samples).filter(|(_, samples)| !samples.ms.is_empty());

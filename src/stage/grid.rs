@@ -6,10 +6,10 @@
 //! order that the sort leaves. `memory.rs` says what that comes to.
 
 use super::fullest::Fullest;
-use super::photon_map::{PhotonMap, Photons};
+use super::photon_map::{PhotonMap, Photons, first};
 use super::sort::{Scratch, Sort, each, share};
 use super::trace::draws::{cells_within, touched};
-use crate::cells::{Bounds, CellSize, Form, Plan, plan};
+use crate::cells::{Bounds, CellSize, Form, Plan, crowd, plan_by_crowd};
 use crate::cl::{Arg, Buffer, Context, Kernel, PART_ALIGNMENT};
 use crate::error::Result;
 use crate::gathering::Method;
@@ -209,7 +209,15 @@ impl GridStage {
         wanted: &Wanted,
     ) -> Result<&Grid> {
         let bounds = self.bounds(context, 2 * objects.len(), photons)?;
-        let mut plan = plan(objects, &bounds, photons.count, wanted.radius, wanted.size, wanted.form)?;
+        let crowd = || {
+            let few = photons.count.min(crowd::SAMPLE);
+            let (positions, faces) = (first(context, photons.positions, few)?, first(context, photons.faces, few)?);
+            let sample =
+                positions.iter().map(|p| p.position).zip(faces.iter().map(|face| *face as u32)).collect::<Vec<_>>();
+            Ok(crowd::crowd(&sample, photons.count, wanted.radius))
+        };
+        let size = (wanted.size, wanted.form);
+        let mut plan = plan_by_crowd(objects, &bounds, photons.count, wanted.radius, size, crowd)?;
         plan.gather.nearest = wanted.nearest as f32;
         self.grid.gather.write(context, &[plan.gather])?;
         self.grid.plan = plan;

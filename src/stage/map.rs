@@ -7,7 +7,7 @@ use super::photon_map::{PhotonMap, Photons as StoredPhotons, first};
 use super::photons::Photons;
 use super::scan::Scan;
 use super::tiles::{TileStage, Tiles};
-use crate::cells;
+use crate::cells::{self, crowd};
 use crate::cl::Context;
 use crate::cpu;
 use crate::cpu::grid::face_of;
@@ -247,9 +247,16 @@ impl MapStage {
                 let stored = map.stored.view();
                 let bounds = cpu::grid::grid_bounds(&stored, 2 * packed.objects.len());
                 let Wanted { radius, size, form, nearest } = *wanted;
-                map.plan = cells::plan(&packed.objects, &bounds, map.stored.len(), radius, size, form)?;
+                let few = stored.positions.len().min(crowd::SAMPLE);
+                let crowd = || {
+                    let faces = stored.surfaces[..few].iter().map(|surface| cpu::grid::face_of(surface) as u32);
+                    let sample = stored.positions[..few].iter().map(|p| p.position).zip(faces).collect::<Vec<_>>();
+                    Ok(crowd::crowd(&sample, map.stored.len(), radius))
+                };
+                let stored = map.stored.len();
+                map.plan = cells::plan_by_crowd(&packed.objects, &bounds, stored, radius, (size, form), crowd)?;
                 map.plan.gather.nearest = nearest as f32;
-                map.grid = cpu::grid::grid(&stored, &map.plan);
+                map.grid = cpu::grid::grid(&map.stored.view(), &map.plan);
                 Ok(map.plan.hashed)
             }
         }
