@@ -426,12 +426,7 @@ const LEAVING: f64 = 5e-4;
 /// were measured for it.
 pub fn fit_choice(settings: &[Vec<Taken>]) -> Counts {
     let ways = [1, 2, 3].map(|shun| descend(settings, fit(&settings.concat(), shun)));
-    let [(costs, _), ..] = {
-        let mut ways = ways;
-        ways.sort_by(|a, b| a.1.total_cmp(&b.1));
-        ways
-    };
-    costs
+    ways.into_iter().min_by(|a, b| a.1.total_cmp(&b.1)).expect("several ways").0
 }
 
 /// The steps of [`fit_choice`] from some costs on, and what is lost by those that they lead to.
