@@ -56,9 +56,10 @@ impl Class {
     /// of a Xeon (PoCL, llvmpipe, the twin) and on an H200. A cost of 0 is one that others of the terms account for.
     pub fn costs(self) -> &'static Counts {
         match self {
-            Class::Cpu => {
-                &[960.0, 60.0, 5.0, 5.0, 114.0, 440.0, 6.0, 8.0, 80.0, 0.0, 240.0, 0.0, 0.0, 100.0, 540.0, 50.0, 0.0]
-            }
+            Class::Cpu => &[
+                51.1, 4.72, 0.0, 20.0, 0.0, 424.0, 2.32, 1.27, 112.0, 5.95e6, 198.0, 0.0, 68700.0, 0.0, 1070.0, 0.502,
+                30700.0,
+            ],
             Class::OpenClLanes => &[
                 0.0, 0.11, 0.0, 0.0548, 1.38, 7.58, 0.307, 0.137, 2.4, 4.44e5, 33.3, 1.03, 5.56e5, 5.02, 59.8, 7.28,
                 0.0,
