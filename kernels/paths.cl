@@ -30,11 +30,7 @@
 #define FIRST_RUN ((uint)get_global_id(0) * LANES)
 
 // Tables of runs are padded to whole work-items.
-#if LANES == 1
-#define LOAD_RUNS(table) table[FIRST_RUN]
-#define STORE_RUNS(v, table) table[FIRST_RUN] = v
-#else
-#define LOAD_RUNS(table) CONCAT(vload, LANES)(get_global_id(0), table)
+#if LANES > 1
 #define STORE_LANES(v, i, table) CONCAT(vstore, LANES)(v, i, table)
 #define STORE_RUNS(v, table) STORE_LANES(v, get_global_id(0), table)
 

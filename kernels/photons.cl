@@ -23,6 +23,7 @@ INLINE Real face_of(Surface surface) { return to_real(face_left(surface)); }
 // n, n + GROUP, n + 2 GROUP, … of the group's. So neighbours walk neighbouring paths and write next to each other, as if
 // each had one path only, and wait no longer than if each had a run of its own.
 #define GROUP PHOTONS_GROUP
+#include "before.cl"
 #define GROUP_NUMBER ((uint)get_global_id(0) / GROUP) // a launch may be cut: group numbers begin anew in each piece
 #define GROUP_PATHS (GROUP * run_length)
 
@@ -82,15 +83,7 @@ void photons_store(WALK_PARAMS, __global const ushort *counts, __global const ui
     barrier(CLK_LOCAL_MEM_FENCE);
     uint own = 0u;
     for (uint i = 0u; i < run_length; i++) own += places[item * run_length + i];
-    sums[item] = own;
-    barrier(CLK_LOCAL_MEM_FENCE);
-    for (uint reach = 1u; reach < GROUP; reach <<= 1u) {
-        uint before = item >= reach ? sums[item - reach] : 0u;
-        barrier(CLK_LOCAL_MEM_FENCE);
-        sums[item] += before;
-        barrier(CLK_LOCAL_MEM_FENCE);
-    }
-    uint sum = offsets[GROUP_NUMBER] + sums[item] - own;
+    uint sum = offsets[GROUP_NUMBER] + before_item(own, sums);
     for (uint i = 0u; i < run_length; i++) {
         uint count = places[item * run_length + i];
         places[item * run_length + i] = sum;

@@ -4,6 +4,9 @@
 // A work-group of GROUP work-items scans a tile of GROUP · PER_ITEM values. GROUP is 1 on CPUs: there a tile is one
 // plain loop, and barriers, which CPU drivers pay for dearly, never happen.
 #define TILE (GROUP * PER_ITEM)
+#if GROUP > 1
+#include "before.cl"
+#endif
 
 // Each tile of `values` becomes its own exclusive scan; totals[tile] gets its sum, modulo 2³².
 __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1)))
@@ -28,16 +31,7 @@ void scan_tiles(__global uint *values, __global uint *totals, uint count) {
     barrier(CLK_LOCAL_MEM_FENCE);
     uint own = 0u;
     for (uint i = 0u; i < PER_ITEM; i++) own += staged[item * PER_ITEM + i];
-    sums[item] = own;
-    barrier(CLK_LOCAL_MEM_FENCE);
-    // Hillis & Steele over the work-items' sums: inclusive.
-    for (uint reach = 1u; reach < GROUP; reach <<= 1u) {
-        uint before = item >= reach ? sums[item - reach] : 0u;
-        barrier(CLK_LOCAL_MEM_FENCE);
-        sums[item] += before;
-        barrier(CLK_LOCAL_MEM_FENCE);
-    }
-    uint sum = sums[item] - own;
+    uint sum = before_item(own, sums);
     for (uint i = 0u; i < PER_ITEM; i++) {
         uint value = staged[item * PER_ITEM + i];
         staged[item * PER_ITEM + i] = sum;

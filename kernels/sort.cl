@@ -42,20 +42,7 @@ __kernel void sort_scatter(__global const uint *keys, __global const uint *value
 #define HALF_BITS (DIGIT_BITS / 2)
 #define HALVES (1 << HALF_BITS)
 #define NO_KEY 0xffffffffu
-
-// What all work-items before this one have: Hillis & Steele. `sums` is one of each work-item.
-uint before_item(uint own, __local uint *sums) {
-    uint item = get_local_id(0);
-    sums[item] = own;
-    barrier(CLK_LOCAL_MEM_FENCE);
-    for (uint reach = 1u; reach < GROUP; reach <<= 1u) {
-        uint before = item >= reach ? sums[item - reach] : 0u;
-        barrier(CLK_LOCAL_MEM_FENCE);
-        sums[item] += before;
-        barrier(CLK_LOCAL_MEM_FENCE);
-    }
-    return sums[item] - own;
-}
+#include "before.cl"
 
 __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1)))
 void sort_count(__global const uint *keys, __global uint *counts, int count, int per_item, int shift, int groups) {

@@ -43,6 +43,7 @@ const FILES: &[(&str, &str)] = &[
     ("trace.cl", include_str!("../kernels/trace.cl")),
     ("group.cl", include_str!("../kernels/group.cl")),
     ("probe.cl", include_str!("../kernels/probe.cl")),
+    ("before.cl", include_str!("../kernels/before.cl")),
     ("scan.cl", include_str!("../kernels/scan.cl")),
     ("paths.cl", include_str!("../kernels/paths.cl")),
     ("photons.cl", include_str!("../kernels/photons.cl")),
@@ -59,7 +60,7 @@ pub fn units() -> Vec<&'static str> {
     let whole = |name: &str| {
         !name.contains('/')
             && !name.starts_with("shim")
-            && !["incoherent.cl", "rounding.cl", "paths.cl", "group.cl"].contains(&name)
+            && !["incoherent.cl", "rounding.cl", "paths.cl", "group.cl", "before.cl"].contains(&name)
     };
     FILES.iter().map(|(name, _)| *name).filter(|name| whole(name)).collect()
 }
