@@ -27,7 +27,8 @@ INLINE Real share_of_rays(Real facing, Real density, Real distance2) {
 INLINE Vec3 from_lit_points(SCENE_PARAMS Surface to, Bool wanted, float fewer) {
     Vec3 sum = make3(lanes(0.0f), lanes(0.0f), lanes(0.0f));
     int points = count_of(lattice_points());
-    for (int i = 0; i < points; i++) {
+    int i = 0;
+    if (points > 0) do { // as in gather.glsl, so that no round is for nothing
         Vec3 position = lit_point_position_same(i);
         int object = count_of(lit_point_object_scalar(i));
         Vec3 towards = sub3(position, to.position);
@@ -45,7 +46,8 @@ INLINE Vec3 from_lit_points(SCENE_PARAMS Surface to, Bool wanted, float fewer) {
         Real density = lit_point_density_same(i) * fewer;
         Vec3 brought = scale3(lit_point_irradiance_same(i), share_of_rays(facing, density, distance2) * fewer);
         sum = add3(sum, pick3(lit, brought, make3(lanes(0.0f), lanes(0.0f), lanes(0.0f))));
-    }
+        i++;
+    } while (i < points);
     return sum;
 }
 
@@ -57,7 +59,8 @@ INLINE Vec3 final_gather(SCENE_PARAMS Surface from, Bool wanted, Uint key, int r
     Uint height_shift = hash_u(key);
     Uint turn_shift = hash_u(height_shift);
     uint first = uint_of(lattice_turn()) * uint_of(float_of(rays));
-    for (int ray = 0; ray < rays; ray++) {
+    int ray = 0;
+    do {
         Uint index = lanes_u(first + uint_of(ray));
         Uint height = sequence_u(index, R2_STEP_0, height_shift);
         Uint turn = sequence_u(index, R2_STEP_1, turn_shift);
@@ -82,7 +85,8 @@ INLINE Vec3 final_gather(SCENE_PARAMS Surface from, Bool wanted, Uint key, int r
             Vec3 radiance = mul3(scale3(object_color(seen.object), object_diffuse(seen.object) * INV_PI), irradiance);
             sum = add3(sum, pick3(visible, radiance, make3(lanes(0.0f), lanes(0.0f), lanes(0.0f))));
         }
-    }
+        ray++;
+    } while (ray < rays);
     return add3(scale3(sum, lanes(PI / float_of(rays))), from_lit_points(SCENE from, wanted, fewer));
 }
 

@@ -228,38 +228,47 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
     int capacity = min(count_of(gather_nearest()), KNN_MAX) + 1;
     int held = 0;
 #endif
-    for (int w = w_first; w <= w_last; w++) {
+    // Loops ask at their end whether to go on, wherever they are entered only where there is something: software GLs, which
+    // mask what a lane does not take part in, go once more through a body whose loop asks at its beginning.
+    int w = w_first;
+    if (v_first <= v_last && w_first <= w_last) do {
         float w_low = float_of(w) * cell.z;
         float w_gap = max(max(w_low - high.z, low.z - (w_low + cell.z)), 0.0f);
 #ifdef GRID_HASHED
         if (is_endless(w)) w_gap = 0.0f;
 #endif
         float w_left = reach * reach - w_gap * w_gap;
-        for (int v = v_first; v <= v_last; v++) {
-            // Along the row only what the ball's chord reaches.
-            float v_low = float_of(v) * cell.y;
-            float v_gap = max(max(v_low - high.y, low.y - (v_low + cell.y)), 0.0f);
+        int v = v_first;
+        do {
+            // The next row that the surface passes through, and along it only what the ball's chord reaches.
+            float chord;
+            bool empty;
+            do {
+                float v_low = float_of(v) * cell.y;
+                float v_gap = max(max(v_low - high.y, low.y - (v_low + cell.y)), 0.0f);
 #ifdef GRID_HASHED
-            bool may_be_empty = !is_endless(v) && !is_endless(w);
-            if (is_endless(v)) v_gap = 0.0f;
+                bool may_be_empty = !is_endless(v) && !is_endless(w);
+                if (is_endless(v)) v_gap = 0.0f;
 #endif
-            float chord = sqrt(max(w_left - v_gap * v_gap, 0.0f));
+                chord = sqrt(max(w_left - v_gap * v_gap, 0.0f));
 #ifdef GRID_HASHED
-            chord = min(chord, along);
+                chord = min(chord, along);
 #endif
-            Float3 row_low = triple(low.x - chord, v_low, w_low) - slack;
-            Float3 row_high = triple(high.x + chord, v_low + cell.y, w_low + cell.z) + slack;
-            if (may_be_empty && !passes_through(is_sphere, anchor, extent, row_low, row_high)) continue;
+                Float3 row_low = triple(low.x - chord, v_low, w_low) - slack;
+                Float3 row_high = triple(high.x + chord, v_low + cell.y, w_low + cell.z) + slack;
+                empty = may_be_empty && !passes_through(is_sphere, anchor, extent, row_low, row_high);
+                v++;
+            } while (empty && v <= v_last);
             int u_first = cell_along(low.x - chord, inverse.x);
             int u_last = cell_along(high.x + chord, inverse.x);
 #ifdef GRID_HASHED
             // A row longer than the table would meet its photons twice.
             u_last = min(u_last, u_first + mask);
-            int start = row_start(base, v, w);
-            Row row = row_of(v, w, inverse, flipped);
+            int start = row_start(base, v - 1, w);
+            Row row = row_of(v - 1, w, inverse, flipped);
             // A row that runs over the table's end goes on at its start.
             int u = u_first;
-            while (u <= u_last) {
+            if (!empty) do {
                 int bucket = (start + u) & mask;
                 int length = min(u_last - u + 1, mask + 1 - bucket);
                 u += length;
@@ -267,24 +276,25 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
 #else
             u_first = max(u_first, 0);
             u_last = min(u_last, count_of(counts.x) - 1);
-            int bucket = row_start(count_of(AREA_BASE(face)), v, w, counts) + u_first;
+            int bucket = row_start(count_of(AREA_BASE(face)), v - 1, w, counts) + u_first;
             int length = u_last - u_first + 1;
-            if (length > 0) {
+            if (length > 0 && !empty) {
 #endif
                 int end = count_of(cell_start(bucket + length));
                 int place = count_of(cell_start(bucket)) + SLICE;
 #ifdef GATHER_GROUP
                 sum = queue_photons(SCENE sum, place, end, CELL_ROW query);
 #else
-                while (place < end) {
+                if (place < end) do {
                     Gathered part = nothing_gathered();
                     int stop = min(end, place + SUM_BLOCK * SLICES);
-                    for (; place < stop; place += SLICES) {
+                    do {
 #ifdef GATHER_TILES
                         int i = count_of(tile_photon(place));
 #else
                         int i = place;
 #endif
+                        place += SLICES;
                         Vec3 position = photon_position_same(i);
                         Vec3 away = sub3(position, query.surface.position);
                         Real weight = kernel_shape(square3(away), inverse_radius2);
@@ -327,15 +337,20 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
 #else
                         part = add_photon(SCENE part, i, weight, position, query);
 #endif
-                    }
+                    } while (place < stop);
 #ifndef GATHER_KNN
                     sum = add_gathered(sum, part);
 #endif
-                }
+                } while (place < end);
 #endif
+#ifdef GRID_HASHED
+            } while (u <= u_last);
+#else
             }
-        }
-    }
+#endif
+        } while (v <= v_last);
+        w++;
+    } while (w <= w_last);
 #ifdef GATHER_KNN
     // Fewer than k within R: they span the whole disc.
     if (held == capacity) sum.inverse_radius = 1.0f / sqrt(max(heap_d2[0], 1e-30f));

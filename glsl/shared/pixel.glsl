@@ -53,8 +53,11 @@ Vec3 pixel_radiance(SCENE_PARAMS Int column, Int row) {
 #else
     Vec3 sum = make3(lanes(0.0f), lanes(0.0f), lanes(0.0f));
     int samples = count_of(frame_samples());
-    for (int s = 0; s < samples; s++)
+    int s = 0;
+    do { // as in gather.glsl, so that no sample is for nothing
         sum = add3(sum, radiance_along(SCENE sample_point(SCENE column, row, s), tile));
+        s++;
+    } while (s < samples);
     return scale3(sum, lanes(1.0f / float_of(samples)));
 #endif
 }

@@ -27,13 +27,13 @@ Int find_region(SCENE_PARAMS Int tile, Int face, Vec3 point, Bool wanted) {
     Int at = to_int(tile_first(tile));
     Int end = at + to_int(tile_count(tile));
     Bool looking = wanted && at < end;
-    while (any_lane(looking)) {
+    if (any_lane(looking)) do { // as in gather.glsl, so that no round is for nothing
         Int own = pick_i(looking, at, 0);
         Bool same = looking && face == to_int(region_face(own));
         found = pick_i(same, own, found);
         at = at + 1;
         looking = looking && !same && at < end;
-    }
+    } while (any_lane(looking));
     Int own = pick_i(found >= 0, found, 0);
     Vec3 low = region_low(own);
     Vec3 high = region_high(own);
