@@ -19,9 +19,8 @@ INLINE Real face_of(Surface surface) { return to_real(face_left(surface)); }
 #endif
 
 #if LANES == 1
-// A work-group walks consecutive paths, run_length for each of its work-items, which take them in turn: item n walks paths
-// n, n + GROUP, n + 2 GROUP, … of the group's. So neighbours walk neighbouring paths and write next to each other, as if
-// each had one path only, and wait no longer than if each had a run of its own.
+// A work-group walks consecutive paths, run_length for each of its work-items, and whoever has walked one to its end takes
+// the next that nobody has: few wait for the longest of them. What a path stores, and where, depends on its number only.
 #define GROUP PHOTONS_GROUP
 #include "before.cl"
 #define GROUP_NUMBER ((uint)get_global_id(0) / GROUP) // a launch may be cut: group numbers begin anew in each piece
@@ -31,9 +30,12 @@ INLINE Real face_of(Surface surface) { return to_real(face_left(surface)); }
 // group's a 0, which the scan turns into the sum of all.
 __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1)))
 void photons_count(WALK_PARAMS, __global ushort *counts, __global uint *totals) {
-    __local uint total;
+    __local uint total, next;
     uint item = get_local_id(0);
-    if (item == 0u) total = 0u;
+    if (item == 0u) {
+        total = 0u;
+        next = GROUP;
+    }
     barrier(CLK_LOCAL_MEM_FENCE);
     uint first = first_path + GROUP_NUMBER * GROUP_PATHS;
     uint end = min(first + GROUP_PATHS, end_path);
@@ -50,7 +52,7 @@ void photons_count(WALK_PARAMS, __global ushort *counts, __global uint *totals) 
             counts[path - first_path] = (ushort)count;
             all += count;
             count = 0u;
-            path += GROUP;
+            path = first + atomic_inc(&next);
         }
     }
     atomic_add(&total, all);
@@ -74,7 +76,9 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1)))
 void photons_store(WALK_PARAMS, __global const ushort *counts, __global const uint *offsets, uint limit, MAP_PARAMS) {
     __local uint places[GROUP * PHOTONS_RUN]; // of each path's first photon
     __local uint sums[GROUP];
+    __local uint next;
     uint item = get_local_id(0);
+    if (item == 0u) next = GROUP;
     uint first = first_path + GROUP_NUMBER * GROUP_PATHS;
     uint end = min(first + GROUP_PATHS, end_path);
     // Counts are scanned: neighbours load neighbours, though each then sums a run.
@@ -103,7 +107,7 @@ void photons_store(WALK_PARAMS, __global const ushort *counts, __global const ui
         if (step.stored) slot++;
         photon = step.photon;
         alive = step.survives;
-        if (!alive) path += GROUP;
+        if (!alive) path = first + atomic_inc(&next);
     }
 }
 #else

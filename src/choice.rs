@@ -56,10 +56,9 @@ impl Class {
     /// of a Xeon (PoCL, llvmpipe, the twin) and on an H200. A cost of 0 is one that others of the terms account for.
     pub fn costs(self) -> &'static Counts {
         match self {
-            Class::Cpu => &[
-                51.1, 4.72, 0.0, 20.0, 0.0, 424.0, 2.32, 1.27, 112.0, 5.95e6, 198.0, 0.0, 68700.0, 0.0, 1070.0, 0.502,
-                30700.0,
-            ],
+            Class::Cpu => {
+                &[0.0, 3.77, 0.0, 9.15, 49.8, 250.0, 8.7, 2.11, 97.4, 0.0, 107.0, 46.2, 1.57e6, 0.0, 326.0, 87.9, 0.0]
+            }
             Class::OpenClLanes => &[
                 0.0, 0.0922, 0.0, 0.0495, 1.48, 4.75, 0.386, 0.111, 2.02, 3.83e5, 25.6, 2.57, 3.02e5, 3.83, 55.4, 12.9,
                 0.0,
@@ -69,7 +68,7 @@ impl Class {
                 2.52, 48.4,
             ],
             Class::OpenGlSoftware => {
-                &[48.4, 3.56, 0.0, 0.604, 12.6, 53.5, 6.24, 5.82, 29.4, 4.94e6, 47.7, 0.0, 0.0, 293.0, 331.0, 0.0, 0.0]
+                &[25.0, 2.48, 0.0, 0.278, 7.67, 19.8, 4.6, 2.06, 16.0, 2.28e6, 44.0, 0.0, 0.0, 29.9, 477.0, 0.0, 0.0]
             }
             Class::OpenGlGpu => &[
                 0.0, 0.0448, 0.0, 0.0384, 0.196, 0.545, 0.0459, 0.000775, 0.00429, 6.18e5, 7.37, 1.46, 4.76e6, 1.64,
@@ -351,12 +350,7 @@ fn grid(scene: &SceneTables, sample: &Sample, question: &Question) -> Option<cel
         bounds[*face as usize].add(position.position);
     }
     let (stored, wanted) = (question.stored as usize, (question.class.cell_size(), Form::Auto));
-    let few = sample.positions.len().min(crowd::SAMPLE);
-    let crowd = || {
-        let faces = sample.faces[..few].iter().copied();
-        let sample: Vec<_> = sample.positions[..few].iter().map(|p| p.position).zip(faces).collect();
-        Ok(crowd::crowd(&sample, stored, question.radius))
-    };
+    let crowd = || Ok(crowd::crowd(&sample.positions, sample.faces.iter().copied(), stored, question.radius));
     cells::plan_by_crowd(scene.objects, &bounds, stored, question.radius, wanted, crowd).ok()
 }
 

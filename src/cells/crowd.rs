@@ -2,6 +2,8 @@
 
 use std::collections::HashMap;
 
+use crate::layout::PhotonPosition;
+
 /// Photons of a map's beginning, which is as well spread as the whole, that tell enough.
 pub const SAMPLE: usize = 1024;
 
@@ -9,13 +11,14 @@ pub const SAMPLE: usize = 1024;
 const ENOUGH: u32 = 10;
 
 /// Photons that a disc of radius `radius` (metres) holds where they lie closest, of `stored` in all. Light that is looked
-/// at is mostly near that: over all photons the mean tells of those far out. The sample is positions in scene space and
-/// faces; it is counted in cells of a face, which are widened until one of them holds enough.
-pub fn crowd(sample: &[([f32; 3], u32)], stored: usize, radius: f32) -> f32 {
+/// at is mostly near that: over all photons the mean tells of those far out. Positions are in scene space, and each has a
+/// face; the first [`SAMPLE`] of them are counted in cells of a face, which are widened until one of them holds enough.
+pub fn crowd(positions: &[PhotonPosition], faces: impl IntoIterator<Item = u32>, stored: usize, radius: f32) -> f32 {
+    let sample: Vec<_> = positions.iter().map(|p| p.position).zip(faces).take(SAMPLE).collect();
     let mut width = radius;
     loop {
         let mut cells = HashMap::<(u32, [i32; 3]), u32>::new();
-        for (position, face) in sample {
+        for (position, face) in &sample {
             *cells.entry((*face, position.map(|x| (x / width).floor() as i32))).or_default() += 1;
         }
         let fullest = cells.values().copied().max().unwrap_or(0);
@@ -41,17 +44,19 @@ mod tests {
         // Half of all on 10 m × 10 m of one face, the others within kilometres around them.
         let mut photon = |i: usize| {
             let side = if i % 2 == 0 { 10.0 } else { 1e4 };
-            ([random() * side, 0.5, random() * side], 4)
+            PhotonPosition { position: [random() * side, 0.5, random() * side] }
         };
         let sample: Vec<_> = (0..SAMPLE).map(&mut photon).collect();
+        let one_face = std::iter::repeat(4);
         for radius in [0.1f32, 0.5, 2.0] {
-            let (found, expected) = (crowd(&sample, 40_000, radius), 200.0 * std::f32::consts::PI * radius * radius);
+            let (found, expected) =
+                (crowd(&sample, one_face.clone(), 40_000, radius), 200.0 * std::f32::consts::PI * radius * radius);
             // Where they lie closest there are more than the mean, by chance alone.
             assert!(found > 0.9 * expected && found < 3.0 * expected, "R = {radius}: {found}, expected {expected}");
         }
-        let spread: Vec<_> = sample.iter().enumerate().map(|(i, (p, _))| (*p, i as u32)).collect();
-        assert!(crowd(&spread, 40_000, 0.5) < 1.0, "each on a face of its own");
-        assert_eq!(crowd(&[([1e30, 0.0, 0.0], 0)], 1, 2.0), std::f32::consts::PI);
-        assert_eq!(crowd(&[], 0, 1.0), 0.0);
+        assert!(crowd(&sample, 0.., 40_000, 0.5) < 1.0, "each on a face of its own");
+        let far_out = PhotonPosition { position: [1e30, 0.0, 0.0] };
+        assert_eq!(crowd(&[far_out], [0], 1, 2.0), std::f32::consts::PI);
+        assert_eq!(crowd(&[], [], 0, 1.0), 0.0);
     }
 }

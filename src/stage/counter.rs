@@ -12,8 +12,8 @@ use crate::source::Source;
 /// Work-items that walk together.
 const GROUP: u32 = 128;
 
-/// Most paths of a work-item. On an H200, 1M paths of gi_ref take 0.64, 0.62, 0.55 and 0.60 ms with 1, 2, 4 and 8, those of
-/// the open sphere_and_plane 0.25, 0.21, 0.16 and 0.16.
+/// Most paths of a group for each of its work-items. On an H200, 1M paths of gi_ref take 0.48, 0.44, 0.45 and
+/// 0.45 ms with 2, 4, 8 and 16, those of the open sphere_and_plane 0.16, 0.14, 0.15 and 0.15.
 const MOST_PATHS: u32 = 4;
 
 /// Bytes of counts that are worth keeping for the next pass: fresh memory costs a GPU's driver 0.1 ms and more.
@@ -58,14 +58,20 @@ impl Counter {
     pub fn emit(&mut self, walks: &Walks, paths: u32, limit: u32, old: Option<PhotonMap>) -> Result<PhotonMap> {
         let emitters = walks.scene.emitters(walks.context, paths)?;
         let range = Counter::range(walks.context, 0, paths);
-        let stored = self.count(walks, &emitters, &range)?.min(limit);
+        let groups = self.count(walks, &emitters, &range)?;
+        // Passes store about as much as those before: into the old map's memory they can, while the host waits for what they
+        // count. Should there be more, they are stored once more.
+        let old = old.filter(|old| old.glossy() == self.glossy);
+        let room = old.as_ref().map_or(0, |old| old.room().min(limit as usize));
+        if let Some(old) = old.as_ref().filter(|_| room > 0) {
+            self.store(walks, &emitters, &range, old, room as u32)?;
+        }
+        let stored = self.stored(walks, groups)?.min(limit);
         check_stored(paths, stored.into())?;
         let map = PhotonMap::new(walks.context, old, self.glossy, stored as usize, paths)?;
-        let mut args = walks.args(&emitters, &range);
-        args.extend([Arg::from(&self.counts), (&self.totals).into(), stored.into()]);
-        args.extend([Arg::from(&map.positions), (&map.powers).into(), (&map.faces).into()]);
-        args.extend(map.directions.as_ref().map(Arg::from));
-        Counter::launch(walks, &self.store, &args, &range)?;
+        if stored as usize > room {
+            self.store(walks, &emitters, &range, &map, stored)?;
+        }
         if self.counts.bytes() > KEPT {
             self.counts = Buffer::new(walks.context, 0)?;
         }
@@ -80,11 +86,12 @@ impl Counter {
         let (mut group_paths, mut groups) = (0, 0);
         let (first, missing) = batch_that_stores(walks, wanted, |emitters, first, end| {
             let range = Counter::range(walks.context, first, end);
-            (group_paths, groups) = (GROUP * range.length, Counter::groups(&range));
-            self.count(walks, emitters, &range)
+            (group_paths, groups) = (GROUP * range.length, Counter::groups(&range) as usize);
+            self.count(walks, emitters, &range)?;
+            self.stored(walks, groups)
         })?;
         // The last group that begins before the missing photon, and in it the path that stores it.
-        let mut offsets = vec![0; groups as usize];
+        let mut offsets = vec![0; groups];
         self.totals.read(walks.context, &mut offsets)?;
         let group = offsets.partition_point(|offset| *offset < missing).saturating_sub(1);
         let counts = self.counts.to_vec(walks.context)?;
@@ -112,8 +119,8 @@ impl Counter {
         walks.scene.launch_items(walks.context, kernel, args, range, [items, GROUP as usize])
     }
 
-    /// Counts what a range of paths stores.
-    fn count(&mut self, walks: &Walks, emitters: &Buffer<Emitter>, range: &Range) -> Result<u32> {
+    /// Counts what a range of paths stores, group by group, whose number it returns. Returns at once.
+    fn count(&mut self, walks: &Walks, emitters: &Buffer<Emitter>, range: &Range) -> Result<usize> {
         let groups = Counter::groups(range) as usize;
         self.counts.fit(walks.context, (range.end - range.first) as usize)?;
         self.totals.fit(walks.context, groups + 1)?;
@@ -124,6 +131,27 @@ impl Counter {
         args.extend([Arg::from(&self.counts), (&self.totals).into()]);
         Counter::launch(walks, &self.count, &args, range)?;
         walks.scan.exclusive(walks.context, &self.totals, groups + 1)?;
-        self.totals.get(walks.context, groups)
+        Ok(groups)
+    }
+
+    /// How many photons these are.
+    fn stored(&self, walks: &Walks, groups: usize) -> Result<u32> {
+        if groups == 0 { Ok(0) } else { self.totals.get(walks.context, groups) }
+    }
+
+    /// Stores what was counted, the first `limit` photons. Returns at once.
+    fn store(
+        &self,
+        walks: &Walks,
+        emitters: &Buffer<Emitter>,
+        range: &Range,
+        map: &PhotonMap,
+        limit: u32,
+    ) -> Result<()> {
+        let mut args = walks.args(emitters, range);
+        args.extend([Arg::from(&self.counts), (&self.totals).into(), limit.into()]);
+        args.extend([Arg::from(&map.positions), (&map.powers).into(), (&map.faces).into()]);
+        args.extend(map.directions.as_ref().map(Arg::from));
+        Counter::launch(walks, &self.store, &args, range)
     }
 }

@@ -212,9 +212,7 @@ impl GridStage {
         let crowd = || {
             let few = photons.count.min(crowd::SAMPLE);
             let (positions, faces) = (first(context, photons.positions, few)?, first(context, photons.faces, few)?);
-            let sample =
-                positions.iter().map(|p| p.position).zip(faces.iter().map(|face| *face as u32)).collect::<Vec<_>>();
-            Ok(crowd::crowd(&sample, photons.count, wanted.radius))
+            Ok(crowd::crowd(&positions, faces.iter().map(|face| *face as u32), photons.count, wanted.radius))
         };
         let size = (wanted.size, wanted.form);
         let mut plan = plan_by_crowd(objects, &bounds, photons.count, wanted.radius, size, crowd)?;

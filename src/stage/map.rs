@@ -247,14 +247,10 @@ impl MapStage {
                 let stored = map.stored.view();
                 let bounds = cpu::grid::grid_bounds(&stored, 2 * packed.objects.len());
                 let Wanted { radius, size, form, nearest } = *wanted;
-                let few = stored.positions.len().min(crowd::SAMPLE);
-                let crowd = || {
-                    let faces = stored.surfaces[..few].iter().map(|surface| cpu::grid::face_of(surface) as u32);
-                    let sample = stored.positions[..few].iter().map(|p| p.position).zip(faces).collect::<Vec<_>>();
-                    Ok(crowd::crowd(&sample, map.stored.len(), radius))
-                };
-                let stored = map.stored.len();
-                map.plan = cells::plan_by_crowd(&packed.objects, &bounds, stored, radius, (size, form), crowd)?;
+                let faces = stored.surfaces.iter().map(|surface| cpu::grid::face_of(surface) as u32);
+                let count = map.stored.len();
+                let crowd = || Ok(crowd::crowd(stored.positions, faces, count, radius));
+                map.plan = cells::plan_by_crowd(&packed.objects, &bounds, count, radius, (size, form), crowd)?;
                 map.plan.gather.nearest = nearest as f32;
                 map.grid = cpu::grid::grid(&map.stored.view(), &map.plan);
                 Ok(map.plan.hashed)

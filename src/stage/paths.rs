@@ -154,6 +154,6 @@ impl Paths {
         [items, local]: [usize; 2],
     ) -> Result<()> {
         kernel.pace.expect(self.objects.len() as f64 * f64::from(range.length));
-        context.launch_paced(kernel, args, &[items], Some(&[local]))
+        context.launch(kernel, args, &[items], Some(&[local]))
     }
 }

@@ -94,11 +94,20 @@ impl PhotonMap {
         Ok(map)
     }
 
+    /// Whether it keeps directions.
+    pub fn glossy(&self) -> bool {
+        self.directions.is_some()
+    }
+
+    /// Photons that there is memory for.
+    pub fn room(&self) -> usize {
+        let tables = [self.positions.len(), self.powers.len(), self.faces.len()];
+        tables.into_iter().chain(self.directions.as_ref().map(Buffer::len)).min().unwrap_or(0)
+    }
+
     /// Whether `stored` photons fit.
     fn has_room(&self, glossy: bool, stored: usize) -> bool {
-        let tables = [self.positions.len(), self.powers.len(), self.faces.len()];
-        let directions = self.directions.as_ref().map(Buffer::len);
-        directions.is_some() == glossy && tables.into_iter().chain(directions).all(|len| len >= stored)
+        self.glossy() == glossy && self.room() >= stored
     }
 
     /// A map with these photons.
