@@ -21,7 +21,7 @@ use crate::layout::Frame;
 use crate::pack::Packed;
 use crate::radius;
 use crate::scene::Scene;
-use crate::settings::{Backend, FinalGather, Gather, Lattice, LightMode, Method, Settings, Technique};
+use crate::settings::{Backend, FinalGather, Gather, GridForm, Lattice, LightMode, Method, Settings, Technique};
 use crate::stage::grid::Wanted;
 use crate::stage::irradiance::{IrradianceStage, IrradianceView};
 use crate::stage::map::{MapCounts, MapStage, MapView};
@@ -116,6 +116,8 @@ pub struct Rendering {
     pub tile: Option<[u32; 2]>,
     /// Gather radius, metres, where there are photons.
     pub radius: Option<f32>,
+    /// The grid's form, where photons were gathered by a grid.
+    pub form: Option<GridForm>,
     /// Tables of the photon map that were moved for this picture.
     pub uploads: u64,
 }
@@ -399,8 +401,12 @@ impl Pipeline {
             Some(Last { scene: scene.clone(), settings: settings.clone(), features, packed, photons, chosen, stopped });
         let method = wants_map.then_some(chosen.method);
         let tile = method.filter(|method| method.is_tiled()).map(|_| chosen.tile);
+        let form = method.filter(|method| !method.reads_stored()).map(|_| match chosen.hashed {
+            true => GridForm::Hashed,
+            false => GridForm::Dense,
+        });
         let image = Image { width: 0, height: 0, pixels: Vec::new() };
-        Ok(Rendering { image, times, skipped, photons, method, tile, radius, uploads })
+        Ok(Rendering { image, times, skipped, photons, method, tile, radius, form, uploads })
     }
 
     /// The film of the last picture: a texture of the current context where OpenGL drew it, else in host memory.
@@ -503,9 +509,10 @@ impl Pipeline {
 
     /// Settles what the settings leave open about a new map's gathering.
     fn choose(&self, settings: &Settings, tables: &SceneTables, frame: &Frame, stored: u64) -> Result<Chosen> {
-        let Gather { method, tile, cells, radius, .. } = settings.gather;
+        let Gather { method, tile, cells, form, radius, .. } = settings.gather;
         // Who asks for cells asks for a grid.
-        let method = if method == Method::Auto && cells.is_some() { Method::Grid } else { method };
+        let wants_grid = cells.is_some() || form != GridForm::Auto;
+        let method = if method == Method::Auto && wants_grid { Method::Grid } else { method };
         // What is left open is judged by a sample of the map.
         let sample = match (radius, method) {
             (Some(_), method) if method != Method::Auto => None,
@@ -591,7 +598,12 @@ fn grid_wanted(settings: &Settings, radius: f32, usual: CellSize, origin: DVec3)
         (None, Some(counts)) => CellSize::Counts(counts),
         (None, None) => usual,
     };
-    Wanted { radius, size, form: Form::Auto, nearest: settings.gather.nearest }
+    let form = match settings.gather.form {
+        GridForm::Auto => Form::Auto,
+        GridForm::Dense => Form::Dense,
+        GridForm::Hashed => Form::Hashed(None),
+    };
+    Wanted { radius, size, form, nearest: settings.gather.nearest }
 }
 
 /// What one pass emits at these settings.

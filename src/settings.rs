@@ -216,10 +216,25 @@ pub struct Gather {
     pub nearest: u32,
     /// Cells along x, y, z of the photons' box; `None`: cells in proportion to R.
     pub cells: Option<[u32; 3]>,
+    /// Whether cells fill boxes or are hashed.
+    pub form: GridForm,
     /// Cells on a lattice of the user's, which comes before `cells`; `None`: they begin where photons do.
     pub lattice: Option<Lattice>,
     /// Width and height of tiles, pixels; `None`: [`crate::tiling::TILE`].
     pub tile: Option<[u32; 2]>,
+}
+
+/// Which of the grid's two forms is wanted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum GridForm {
+    /// The dense one where it takes no more memory than the photons themselves.
+    #[default]
+    Auto,
+    /// Every face's box filled with cells.
+    Dense,
+    /// A table of hashed rows.
+    Hashed,
 }
 
 /// Cells that fill space from a corner on, in all directions.
@@ -248,6 +263,7 @@ impl Default for Settings {
                 radius: None,
                 nearest: 50,
                 cells: None,
+                form: GridForm::Auto,
                 lattice: None,
                 tile: None,
             },

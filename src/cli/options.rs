@@ -12,7 +12,7 @@ use crate::gathering::MAX_NEAREST;
 use crate::pipeline::Machine;
 use crate::scene::{self, Scene};
 use crate::settings::{
-    Amount, Backend, DensityKernel, Gather, LightMode, Method, Photons, Sampler, Settings, Technique,
+    Amount, Backend, DensityKernel, Gather, GridForm, LightMode, Method, Photons, Sampler, Settings, Technique,
 };
 
 /// The scene, and how it is rendered.
@@ -50,9 +50,10 @@ pub struct RenderOptions {
     /// How many photons knn gathers
     #[arg(long, value_name = "K", default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_NEAREST)))]
     pub k: u32,
-    /// Cells of the grid along x, y, z of the photons' box, such as 60x40x40 [default: half the radius]
-    #[arg(long, value_name = "NXxNYxNZ", value_parser = parse_grid)]
-    pub grid: Option<[u32; 3]>,
+    /// Cells of the grid along x, y, z of the photons' box, such as 60x40x40, or its form with cells by the radius: dense or
+    /// hashed [default: what suits scene and radius]
+    #[arg(long, value_name = "NXxNYxNZ|dense|hashed", value_parser = parse_grid)]
+    pub grid: Option<GridArg>,
     /// Size of screen-space tiles in pixels, such as 80x80 [default: 32x32]
     #[arg(long, value_name = "WxH")]
     pub tile: Option<Size>,
@@ -198,9 +199,26 @@ pub fn parse_radius(text: &str) -> std::result::Result<f32, String> {
     }
 }
 
-fn parse_grid(text: &str) -> std::result::Result<[u32; 3], String> {
+/// What `--grid` asks for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum GridArg {
+    /// So many cells along x, y, z.
+    Cells([u32; 3]),
+    /// Cells by the radius.
+    Form(GridForm),
+}
+
+fn parse_grid(text: &str) -> std::result::Result<GridArg, String> {
+    match text {
+        "dense" => return Ok(GridArg::Form(GridForm::Dense)),
+        "hashed" => return Ok(GridArg::Form(GridForm::Hashed)),
+        _ => {}
+    }
     let numbers: Vec<u32> = text.split(['x', '×']).filter_map(|n| n.parse().ok().filter(|n| *n > 0)).collect();
-    <[u32; 3]>::try_from(numbers).map_err(|_| format!("found '{text}', expected NXxNYxNZ, such as 60x40x40"))
+    let cells = <[u32; 3]>::try_from(numbers);
+    cells
+        .map(GridArg::Cells)
+        .map_err(|_| format!("found '{text}', expected NXxNYxNZ, such as 60x40x40, dense or hashed"))
 }
 
 /// A positive, finite number of seconds.
@@ -263,7 +281,14 @@ impl RenderOptions {
                 kernel: kernel.unwrap_or_default(),
                 radius: self.radius.or(scene.render.radius.map(|r| r as f32)),
                 nearest: self.k,
-                cells: self.grid,
+                cells: match self.grid {
+                    Some(GridArg::Cells(counts)) => Some(counts),
+                    _ => None,
+                },
+                form: match self.grid {
+                    Some(GridArg::Form(form)) => form,
+                    _ => GridForm::Auto,
+                },
                 lattice: None,
                 tile: self.tile.map(|tile| [tile.width, tile.height]),
             },
@@ -304,7 +329,8 @@ mod tests {
         for bad in ["", "0", "-1", "1.5", "k", "3G", "nan", "2147483648"] {
             assert!(parse_count(bad).unwrap_err().contains("expected a number of photons"), "{bad}");
         }
-        assert_eq!(parse_grid("60x40x40"), Ok([60, 40, 40]));
+        assert_eq!(parse_grid("60x40x40"), Ok(GridArg::Cells([60, 40, 40])));
+        assert_eq!(parse_grid("hashed"), Ok(GridArg::Form(GridForm::Hashed)));
         assert!(parse_grid("60x40").is_err() && parse_grid("0x1x1").is_err() && parse_radius("nan").is_err());
     }
 

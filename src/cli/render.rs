@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::film::{SaveOptions, check_output};
 use crate::pipeline::{Devices, Pipeline, Times};
 use crate::progressive;
-use crate::settings::{Backend, LightMode, Method, Technique};
+use crate::settings::{Backend, GridForm, LightMode, Method, Technique};
 use crate::stage::map::MapCounts;
 
 /// Render a scene to a PNG or EXR file
@@ -45,6 +45,8 @@ struct Report<'a> {
     gather: Method,
     light: LightMode,
     radius: Option<f32>,
+    /// The grid's form, where there is a grid.
+    grid_form: Option<GridForm>,
     photons: Option<MapCounts>,
     uploads: u64,
     size: [u32; 2],
@@ -152,6 +154,7 @@ pub fn run(args: &Args) -> Result<()> {
             gather: rendering.method.unwrap_or(settings.gather.method),
             light: settings.light,
             radius: rendering.radius,
+            grid_form: rendering.form,
             photons: rendering.photons,
             uploads: rendering.uploads,
             size: [settings.width, settings.height],

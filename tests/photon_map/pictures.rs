@@ -1,10 +1,11 @@
 //! Whole pictures: against the independent references, and of both light modes against each other.
 
+use photile::error::Error;
 use photile::film::Image;
 use photile::metrics::{self, measure};
 use photile::pipeline::{Machine, Pipeline};
 use photile::scene::{Scene, load};
-use photile::settings::{Amount, Backend, Gather, LightMode, Method, Photons, Settings};
+use photile::settings::{Amount, Backend, Gather, GridForm, LightMode, Method, Photons, Settings};
 
 use super::{Device, device};
 
@@ -92,4 +93,28 @@ fn both_light_modes_converge_to_the_same_picture() {
     assert!((mean(&wrong) / mean(&hybrid) - 1.0).abs() > 0.01);
     let direct = passes(&mut pipeline, &scene, LightMode::Direct, 1, 0.15, 1);
     assert!(rel_mse(&direct, &hybrid) > 6e-3);
+}
+
+#[test]
+fn the_grids_form_is_chosen_or_asked_for() {
+    let (_alone, mut pipeline) = opencl();
+    let mut render = |name: &str, method: Method, form: GridForm| {
+        let mut settings = Settings { width: 64, height: 48, ..Settings::default() };
+        settings.photons.amount = Amount::Paths(20_000);
+        settings.gather = Gather { method, form, radius: Some(0.4), ..settings.gather };
+        pipeline.render(&scene(name), &settings)
+    };
+    // The same photons in either form; only the order of the sums differs. Who asks for a form asks for a grid.
+    let [dense, hashed] = [GridForm::Dense, GridForm::Hashed].map(|form| render("gi_ref", Method::Auto, form).unwrap());
+    assert_eq!((dense.form, hashed.form), (Some(GridForm::Dense), Some(GridForm::Hashed)));
+    assert_eq!((dense.method, hashed.method), (Some(Method::Grid), Some(Method::Grid)));
+    let apart = measure(&dense.image, &hashed.image, &metrics::Settings::default()).unwrap().rmse;
+    let mean = dense.image.pixels.iter().flatten().sum::<f32>() / (3 * dense.image.pixels.len()) as f32;
+    assert!(apart < 1e-5 * f64::from(mean), "RMSE {apart}, mean {mean}");
+    // Left open, it goes by the scene: photons of an open plane lie kilometres out, where no box can be filled with cells.
+    for (name, form) in [("gi_ref", GridForm::Dense), ("sphere_and_plane", GridForm::Hashed)] {
+        assert_eq!(render(name, Method::Grid, GridForm::Auto).unwrap().form, Some(form), "{name}");
+    }
+    let refused = render("sphere_and_plane", Method::Grid, GridForm::Dense).map(|picture| picture.form);
+    assert!(matches!(&refused, Err(Error::Usage(why)) if why.contains("hashed")), "{refused:?}");
 }
