@@ -171,19 +171,15 @@ struct Walk {
     int slot, left, right, row, bottom, at, end;
 };
 
-// Goes to the walk's row: the first entry there whose column is not left of the rectangle.
+// Goes to the walk's row: the first entry there whose column is not left of the rectangle. Columns grow by one from entry
+// to entry, or by more where something else stands between: the place is where it would be by ones, or before.
 INLINE void enter_row(struct Walk *walk, int tiles_down, __global const uint *starts, __global const uint *columns) {
     int line = walk->slot * tiles_down + walk->row;
-    int low = (int)starts[line], high = (int)starts[line + 1];
-    walk->end = high;
-    while (low < high) {
-        int middle = (low + high) / 2;
-        if ((int)columns[middle] < walk->left)
-            low = middle + 1;
-        else
-            high = middle;
-    }
-    walk->at = low;
+    int first = (int)starts[line], end = (int)starts[line + 1];
+    int at = first < end ? clamp(first + walk->left - (int)columns[first], first, end) : first;
+    while (at > first && (int)columns[at - 1] >= walk->left) at--;
+    walk->at = at;
+    walk->end = end;
 }
 
 INLINE struct Walk walk_of(int slot, int left, int top, int right, int bottom, int tiles_down,
