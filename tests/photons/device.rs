@@ -8,6 +8,8 @@ use photile::cpu::grid::{PhotonSurface, face_of};
 use photile::cpu::photons::PhotonTables;
 use photile::cpu::scan::exclusive_scan;
 use photile::emission::{Amount, Emission, Sampler};
+use photile::layout::{PhotonDirection, PhotonPosition, PhotonPower};
+use photile::stage::photon_map::{PhotonMap, first};
 use photile::stage::photons::Photons;
 use photile::stage::scan::Scan;
 
@@ -27,18 +29,35 @@ fn context(lanes: Option<u32>) -> Rc<Context> {
 }
 
 fn on_device(context: &Rc<Context>, case: &Case, emission: &Emission) -> PhotonTables {
+    read(context, &compiled(context, case, emission).emit(emission, None).unwrap())
+}
+
+/// The stage, ready for an emission.
+fn compiled(context: &Rc<Context>, case: &Case, emission: &Emission) -> Photons {
     let mut stage = Photons::new(Rc::clone(context), Rc::new(Scan::new(context).unwrap()));
     stage.upload(&case.packed, case.plan.clone()).unwrap();
     stage.compile(&case.features, emission).unwrap();
-    let map = stage.emit(emission, None).unwrap();
-    let take = |all: Vec<_>| all[..map.stored].to_vec();
+    stage
+}
+
+fn read(context: &Context, map: &PhotonMap) -> PhotonTables {
     PhotonTables {
-        positions: take(map.positions.to_vec(context).unwrap()),
-        powers: map.powers.to_vec(context).unwrap()[..map.stored].to_vec(),
-        surfaces: map.faces.to_vec(context).unwrap()[..map.stored].iter().map(surface_of).collect(),
-        directions: map.directions.map_or(Vec::new(), |d| d.to_vec(context).unwrap()[..map.stored].to_vec()),
+        positions: first(context, &map.positions, map.stored).unwrap(),
+        powers: first(context, &map.powers, map.stored).unwrap(),
+        surfaces: first(context, &map.faces, map.stored).unwrap().iter().map(surface_of).collect(),
+        directions: map.directions.as_ref().map_or(Vec::new(), |d| first(context, d, map.stored).unwrap()),
         emitted: map.emitted,
     }
+}
+
+/// Whether two maps are the same, byte for byte.
+fn same(a: &PhotonTables, b: &PhotonTables) -> bool {
+    let faces = |map: &PhotonTables| map.surfaces.iter().map(face_of).collect::<Vec<_>>();
+    let bytes = |map: &PhotonTables| {
+        let directions: &[u8] = bytemuck::cast_slice(&map.directions);
+        [bytemuck::cast_slice(&map.positions), bytemuck::cast_slice(&map.powers), directions].concat()
+    };
+    a.emitted == b.emitted && faces(a) == faces(b) && bytes(a) == bytes(b)
 }
 
 /// What a face says of a surface.
@@ -130,8 +149,85 @@ fn a_million_paths_give_the_same_bytes_twice() {
     let case = Case::shipped("gi_ref");
     let emission = Emission { store_direct: false, ..paths(1_000_003) };
     let (a, b) = (on_device(&context, &case, &emission), on_device(&context, &case, &emission));
-    assert!(a.positions == b.positions && a.powers == b.powers && a.len() > 2_000_000);
-    assert!(a.surfaces.iter().map(face_of).eq(b.surfaces.iter().map(face_of)));
+    assert!(same(&a, &b) && a.len() > 2_000_000);
+}
+
+/// Memory of an older map, full of what no photon is.
+fn used_memory(context: &Context, glossy: bool, photons: usize) -> PhotonMap {
+    let positions = vec![PhotonPosition { position: [f32::NAN; 3] }; photons];
+    let powers = vec![PhotonPower { power: [f32::NAN; 3] }; photons];
+    let directions = vec![PhotonDirection { direction: [f32::NAN; 3] }; if glossy { photons } else { 0 }];
+    PhotonMap::from_tables(context, &positions, &powers, &vec![f32::NAN; photons], &directions).unwrap()
+}
+
+#[test]
+fn a_counted_map_has_the_same_bytes_twice_and_in_any_older_maps_memory() {
+    let _alone = alone();
+    // Of one lane: as on a GPU.
+    let context = context(Some(1));
+    for (name, amount) in [
+        ("gi_ref", Amount::Paths(300_000)),
+        ("gi_ref", Amount::Stored(200_000)),
+        ("glossy", Amount::Paths(20_011)),
+        ("glossy", Amount::Stored(20_000)),
+    ] {
+        let case = Case::shipped(name);
+        let emission = Emission { amount, store_direct: false, ..paths(0) };
+        let mut stage = compiled(&context, &case, &emission);
+        let map = stage.emit(&emission, None).unwrap();
+        let truth = read(&context, &map);
+        let (stored, glossy) = (truth.len(), map.glossy());
+        assert!(stored > 10_000 && glossy == (name == "glossy"));
+        let again = read(&context, &stage.emit(&emission, None).unwrap());
+        assert!(same(&truth, &again), "{name}, {amount:?}: another run, other bytes");
+
+        // Into its own memory, from the next pass, and back.
+        let next = Emission { pass: 1, ..emission };
+        let other = stage.emit(&next, Some(map)).unwrap();
+        assert!(!same(&truth, &read(&context, &other)), "another pass must show");
+        let back = stage.emit(&emission, Some(other)).unwrap();
+        assert!(same(&truth, &read(&context, &back)), "{name}, {amount:?}: after another pass");
+
+        // Room for a part of it only, for a little less than it takes, for more; and with another number of tables.
+        let hardly_too_few = stored - stored / 64 - 1024;
+        for (photons, is_glossy) in [
+            (0, glossy),
+            (stored / 3, glossy),
+            (hardly_too_few, glossy),
+            (stored, glossy),
+            (2 * stored, glossy),
+            (stored / 3, !glossy),
+            (2 * stored, !glossy),
+        ] {
+            let old = used_memory(&context, is_glossy, photons);
+            let held = old.room();
+            assert_eq!(held >= stored, photons >= stored, "memory for {held} photons, {stored} are stored");
+            let map = stage.emit(&emission, Some(old)).unwrap();
+            // Twice the room tells whose memory it is.
+            assert_eq!(map.room() >= 2 * stored, photons == 2 * stored && is_glossy == glossy);
+            let found = read(&context, &map);
+            assert!(same(&truth, &found), "{name}, {amount:?}: into memory for {held} photons, glossy: {is_glossy}");
+        }
+    }
+}
+
+#[test]
+fn one_byte_of_a_map_would_be_noticed() {
+    let case = Case::shipped("glossy");
+    let map = case.twin(&paths(1000));
+    assert!(same(&map, &map.clone()) && !map.directions.is_empty());
+    let changes: [fn(&mut PhotonTables); 5] = [
+        |map| map.positions[7].position[2] = f32::from_bits(map.positions[7].position[2].to_bits() ^ 1),
+        |map| map.powers[7].power[0] = -map.powers[7].power[0],
+        |map| map.surfaces[7].side = -map.surfaces[7].side,
+        |map| map.directions[7].direction[1] = f32::NAN,
+        |map| map.emitted += 1,
+    ];
+    for (number, change) in changes.iter().enumerate() {
+        let mut changed = map.clone();
+        change(&mut changed);
+        assert!(!same(&map, &changed), "change {number}");
+    }
 }
 
 #[test]
