@@ -7,7 +7,7 @@ use photile::cl::{Buffer, Context, devices};
 use photile::cpu::grid::{PhotonSurface, face_of};
 use photile::cpu::photons::PhotonTables;
 use photile::cpu::scan::exclusive_scan;
-use photile::emission::{Amount, Emission, Sampler};
+use photile::emission::{Amount, CELL_BITS, Emission, PART_BITS, Plan, Sampler};
 use photile::layout::{PhotonDirection, PhotonPosition, PhotonPower};
 use photile::stage::photon_map::{PhotonMap, first};
 use photile::stage::photons::Photons;
@@ -121,6 +121,31 @@ fn the_device_walks_as_its_twin_does() {
             // See `difference`; bit for bit on PoCL, a few in ten thousand on GPUs.
             assert!(elsewhere <= 1e-3, "{name}, {number} paths: {elsewhere} of the photons lie elsewhere");
         }
+    }
+}
+
+#[test]
+fn the_device_walks_as_its_twin_does_where_directions_are_weighed() {
+    let _alone = alone();
+    let even = Case::shipped("sphere_and_plane");
+    let weighed = Case { plan: Plan::indirect(&even.packed).unwrap(), ..Case::shipped("sphere_and_plane") };
+    let parts = |entry: &u32| entry >> CELL_BITS & ((1 << PART_BITS) - 1);
+    assert!(even.plan.cells.iter().all(|entry| parts(entry) == 1));
+    assert!(weighed.plan.cells.iter().any(|entry| parts(entry) > 1), "no direction is worth more than another");
+    // Of one lane: as on a GPU.
+    for context in [context(None), context(Some(1))] {
+        for store_direct in [false, true] {
+            let emission = Emission { store_direct, ..paths(50_021) };
+            let device = on_device(&context, &weighed, &emission);
+            let elsewhere = difference(&device, &weighed.twin(&emission));
+            // As `the_device_walks_as_its_twin_does`.
+            assert!(elsewhere <= 1e-3 && device.len() > 500, "{elsewhere} of {} lie elsewhere", device.len());
+            let other = even.twin(&emission);
+            assert!(std::panic::catch_unwind(|| difference(&device, &other)).is_err(), "an even share must show");
+        }
+        let wanted = Emission { amount: Amount::Stored(2000), store_direct: false, ..paths(0) };
+        let (device, twin) = (on_device(&context, &weighed, &wanted), weighed.twin(&wanted));
+        assert!(difference(&device, &twin) <= 1e-3 && device.emitted != even.twin(&wanted).emitted);
     }
 }
 

@@ -1,8 +1,16 @@
 //! Open scenes: no path where nothing can be hit, and `--stored`.
 
-use photile::cpu::photons::photons;
+use photile::cells::{self, CellSize, Form};
+use photile::cpu::camera::camera_direction;
+use photile::cpu::gather::{PhotonMap, photon_radiance};
+use photile::cpu::grid::{grid, grid_bounds};
+use photile::cpu::photons::{PhotonTables, photons};
 use photile::cpu::scene::SceneTables;
-use photile::emission::{Amount, Emission, Plan, entry};
+use photile::emission::{Amount, CELLS, Emission, Plan, entry};
+use photile::error::Result;
+use photile::gathering::Gathering;
+use photile::pack::Packed;
+use photile::settings::Settings;
 
 use crate::{Case, grey_box, paths};
 
@@ -145,5 +153,76 @@ fn nothing_to_hit_is_said() {
         let error = photons(&SceneTables::new(&case.packed, &case.features), &case.plan, &emission).unwrap_err();
         assert!(error.to_string().contains("--stored 5: 0 photons"), "{error}");
         assert_eq!(error.exit_code(), 2);
+    }
+}
+
+/// Of a picture of a shipped scene by gathered light alone: the mean radiance of each object, in blue.
+fn seen_means(name: &str, case: &Case, map: &PhotonTables) -> [f64; 2] {
+    let camera =
+        photile::scene::load(format!("{}/scenes/{name}.toml", env!("CARGO_MANIFEST_DIR")).as_ref()).unwrap().camera;
+    let settings = Settings { width: 32, height: 24, ..Settings::default() };
+    let frame = case.packed.frame(&camera, &settings);
+    let scene = SceneTables::new(&case.packed, &case.features);
+    let objects = &case.packed.objects;
+    let bounds = grid_bounds(&map.view(), 2 * objects.len());
+    let plan = cells::plan(objects, &bounds, map.len(), 1.5, CellSize::Auto, Form::Auto).unwrap();
+    let gathering = Gathering { hashed: plan.hashed, ..Gathering::of(objects, case.packed.sphere_count, false) };
+    let tables = grid(&map.view(), &plan);
+    let seen = PhotonMap { gathering: &gathering, plan: &plan, stored: map.view(), grid: &tables, tiles: None };
+    let mut sums = [[0.0; 2]; 2];
+    for (row, column) in (0..settings.height).flat_map(|row| (0..settings.width).map(move |column| (row, column))) {
+        let direction = camera_direction(&frame, column as f32 + 0.5, row as f32 + 0.5);
+        let origin = frame.position.into();
+        let Some(hit) = scene.closest_hit(origin, direction, None) else { continue };
+        let surface = scene.surface_at(origin, direction, hit);
+        let [sum, pixels] = &mut sums[surface.object];
+        *sum += f64::from(photon_radiance(&scene, &seen, &surface, -direction, 0).z);
+        *pixels += 1.0;
+    }
+    sums.map(|[sum, pixels]| sum / pixels)
+}
+
+#[test]
+fn pictures_keep_their_mean_whatever_the_map_of_directions() {
+    let name = "sphere_and_plane";
+    let with = |plan: fn(&Packed) -> Result<Plan>| {
+        let case = Case::shipped(name);
+        Case { plan: plan(&case.packed).unwrap(), ..case }
+    };
+    // Paths of a cell that is divided worth as much as those of a whole one, all of them together what they should be.
+    let unweighed = |packed: &Packed| {
+        let mut plan = Plan::indirect(packed)?;
+        plan.cells.iter_mut().for_each(|of_a_part| *of_a_part = entry(*of_a_part & (CELLS as u32 - 1), 1, 0));
+        Ok(plan)
+    };
+    const SEEDS: u32 = 16;
+    // Mean over seeds, and its own variance.
+    let means = |case: &Case, store_direct: bool, number: u32| {
+        let all: Vec<[f64; 2]> = (1..=SEEDS)
+            .map(|seed| seen_means(name, case, &case.twin(&Emission { seed, store_direct, ..paths(number) })))
+            .collect();
+        [0, 1].map(|object| {
+            let mean = all.iter().map(|means| means[object]).sum::<f64>() / f64::from(SEEDS);
+            let squares = all.iter().map(|means| (means[object] - mean).powi(2)).sum::<f64>();
+            (mean, squares / f64::from(SEEDS * (SEEDS - 1)))
+        })
+    };
+    for (store_direct, number, kept) in
+        [(true, 50_000, vec![with(Plan::new)]), (false, 200_000, vec![with(Plan::new), with(Plan::indirect)])]
+    {
+        let truth = means(&with(Plan::whole_sphere), store_direct, number);
+        // Objects whose mean is another by more than four standard errors.
+        let others = |found: [(f64, f64); 2]| {
+            (0..2).filter(|i| (found[*i].0 - truth[*i].0).abs() > 4.0 * (found[*i].1 + truth[*i].1).sqrt()).count()
+        };
+        for case in kept {
+            let found = means(&case, store_direct, number);
+            assert_eq!(others(found), 0, "stored from the light: {store_direct}; {found:?} for {truth:?}");
+            // As bright as if the paths left out had been given their share of the power.
+            let useful = case.plan.useful_share(&case.packed);
+            assert_eq!(others(found.map(|(mean, variance)| (mean / useful, variance / useful.powi(2)))), 2);
+        }
+        let wrong = means(&with(unweighed), store_direct, number);
+        assert!(others(wrong) > 0, "forgotten weights must show: {wrong:?} for {truth:?}");
     }
 }
