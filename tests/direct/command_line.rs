@@ -170,6 +170,43 @@ fn wrong_usage_and_bad_input_exit_with_2() {
 }
 
 #[test]
+fn photons_are_not_waited_for_where_none_can_be_stored() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = |name: &str, intensity: u32| {
+        let text = format!(
+            "[camera]\nposition = [0, 0, 4]\nlook_at = [0, 0, 0]\n[materials.m]\ncolor = [1, 1, 1]\n\
+             [[lights]]\nposition = [0, 3, 3]\nintensity = [{intensity}, {intensity}, {intensity}]\n\
+             [[spheres]]\ncenter = [0, 0, 0]\nradius = 1\nmaterial = \"m\"\n"
+        );
+        std::fs::write(folder.path().join(name), text).unwrap();
+    };
+    scene("dark.toml", 0);
+    scene("grey.toml", 1);
+    let arguments = |scene, backend, light| {
+        ["render", scene, "--backend", backend, "--light", light, "--stored", "5", "--size", "16x12", "-o", "out.exr"]
+    };
+    for backend in ["cpu", "opencl", "opengl"] {
+        // No light; and light that meets nothing a second time.
+        for (scene, light) in [("dark.toml", "photons"), ("grey.toml", "hybrid")] {
+            let run = run_with(folder.path(), &[], &arguments(scene, backend, light));
+            if run.code == 1 {
+                missing(backend, &run.stderr);
+                continue;
+            }
+            run.ends(2, &["--stored 5: 0 photons", "reaches a diffuse or glossy surface"]);
+            assert!(!folder.path().join("out.exr").exists(), "{backend}, {scene}");
+        }
+        let run = run_with(folder.path(), &[], &arguments("grey.toml", backend, "photons"));
+        if run.code == 1 {
+            missing(backend, &run.stderr);
+            continue;
+        }
+        run.ends(0, &["out.exr"]);
+        std::fs::remove_file(folder.path().join("out.exr")).unwrap();
+    }
+}
+
+#[test]
 fn a_folder_that_cannot_be_written_to_is_refused_at_once() {
     // Not even root makes files in /proc.
     let arguments = [&["render", GI_REF, "-o", "/proc/out.png"], &SMALL[..]].concat();

@@ -8,11 +8,13 @@ use photile::cpu::grid::{PhotonSurface, face_of};
 use photile::cpu::photons::PhotonTables;
 use photile::cpu::scan::exclusive_scan;
 use photile::emission::{Amount, CELL_BITS, Emission, PART_BITS, Plan, Sampler};
+use photile::error::Error;
 use photile::layout::{PhotonDirection, PhotonPosition, PhotonPower};
 use photile::stage::photon_map::{PhotonMap, first};
 use photile::stage::photons::Photons;
 use photile::stage::scan::Scan;
 
+use crate::open_scene::barren;
 use crate::{Case, grey_box, paths};
 
 /// PoCL 3.1 crashes now and then when several threads build programs at once: one test at a time has the device.
@@ -268,6 +270,27 @@ fn stored_fills_the_same_slots_as_the_twin() {
                 assert_eq!(device.emitted, twin.emitted);
             }
         }
+    }
+}
+
+#[test]
+fn nothing_to_store_is_refused_as_the_twin_refuses_it() {
+    let _alone = alone();
+    let said = |result: Result<usize, Error>| {
+        let error = result.expect_err("there is nothing to store");
+        (error.to_string(), error.exit_code())
+    };
+    for context in [context(None), context(Some(1))] {
+        for case in barren() {
+            let emission = Emission { amount: Amount::Stored(5), store_direct: false, ..paths(0) };
+            let twin = said(case.try_twin(&emission).map(|map| map.len()));
+            let mut stage = compiled(&context, &case, &emission);
+            assert_eq!(said(stage.emit(&emission, None).map(|map| map.stored)), twin);
+            assert!(twin.0.contains("--stored 5: 0 photons") && twin.1 == 2, "{twin:?}");
+        }
+        // Where there is something the same call stores it.
+        let emission = Emission { amount: Amount::Stored(5), store_direct: false, ..paths(0) };
+        assert_eq!(on_device(&context, &grey_box(0.5), &emission).len(), 5);
     }
 }
 

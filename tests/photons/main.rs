@@ -8,6 +8,7 @@ mod speed;
 use photile::cpu::photons::{PhotonTables, photons};
 use photile::cpu::scene::SceneTables;
 use photile::emission::{Amount, Emission, Plan, Sampler};
+use photile::error::Result;
 use photile::features::Features;
 use photile::pack::Packed;
 use photile::scene::{Scene, parse};
@@ -38,7 +39,11 @@ impl Case {
     }
 
     pub fn twin(&self, emission: &Emission) -> PhotonTables {
-        photons(&SceneTables::new(&self.packed, &self.features), &self.plan, emission).unwrap()
+        self.try_twin(emission).unwrap()
+    }
+
+    pub fn try_twin(&self, emission: &Emission) -> Result<PhotonTables> {
+        photons(&SceneTables::new(&self.packed, &self.features), &self.plan, emission)
     }
 }
 

@@ -4,7 +4,7 @@ use photile::cells::{self, CellSize, Form};
 use photile::cpu::camera::camera_direction;
 use photile::cpu::gather::{PhotonMap, photon_radiance};
 use photile::cpu::grid::{grid, grid_bounds};
-use photile::cpu::photons::{PhotonTables, photons};
+use photile::cpu::photons::PhotonTables;
 use photile::cpu::scene::SceneTables;
 use photile::emission::{Amount, CELLS, Emission, Plan, entry};
 use photile::error::Result;
@@ -139,18 +139,23 @@ fn stored_fills_exactly_and_no_path_too_many() {
     }
 }
 
-#[test]
-fn nothing_to_hit_is_said() {
+/// A scene in which no path hits anything, and one in which each ends where the light itself arrives.
+pub fn barren() -> [Case; 2] {
     let away = Case::parse("[[lights]]\nposition = [0, 0, 0]\nintensity = [1, 1, 1]\n");
-    assert_eq!(away.twin(&paths(10)).len(), 0);
     // A black sphere stores direct light only: none in hybrid.
     let black = Case::parse(
         "[materials.black]\ncolor = [0, 0, 0]\n[[lights]]\nposition = [0, 0, 0]\nintensity = [1, 1, 1]\n\
          [[spheres]]\ncenter = [3, 0, 0]\nradius = 1\nmaterial = \"black\"\n",
     );
-    for case in [away, black] {
+    [away, black]
+}
+
+#[test]
+fn nothing_to_hit_is_said() {
+    for case in barren() {
         let emission = Emission { amount: Amount::Stored(5), store_direct: false, ..paths(0) };
-        let error = photons(&SceneTables::new(&case.packed, &case.features), &case.plan, &emission).unwrap_err();
+        assert_eq!(case.twin(&Emission { amount: Amount::Paths(10), ..emission }).len(), 0);
+        let error = case.try_twin(&emission).unwrap_err();
         assert!(error.to_string().contains("--stored 5: 0 photons"), "{error}");
         assert_eq!(error.exit_code(), 2);
     }
