@@ -3,8 +3,9 @@
 use glam::Vec3;
 use photile::cells::{CellSize, Form, Plan};
 use photile::cpu::gather::{PhotonMap, near};
-use photile::cpu::grid::{GridTables, face_of, grid};
+use photile::cpu::grid::{GridTables, cells_of, face_of, grid, hashed_row};
 use photile::gathering::Gathering;
+use photile::layout::PhotonPosition;
 
 use super::{Map, Random, room, room_photons, surface_point};
 
@@ -26,15 +27,32 @@ fn answer(map: &PhotonMap, tables: &GridTables, face: usize, point: Vec3) -> Vec
     found
 }
 
-/// Queries on and off the surfaces, and exactly on cells' borders; returns how many photons were found in all.
-fn check(map: &Map, radius: f32, size: CellSize, form: Form, queries: usize) -> usize {
+/// How many of the photons around a point lie in buckets that its own row looks into as well: of another row, they would
+/// be counted twice if rows did not tell their photons.
+fn shared(map: &Map, plan: &Plan, face: usize, point: Vec3, around: &[u32]) -> usize {
+    let record = &plan.faces[face];
+    let cell = |position: Vec3| cells_of(&PhotonPosition { position: position.into() }, record, &plan.gather);
+    let bucket = |[u, v, w]: [i32; 3]| hashed_row(record, v, w).wrapping_add(u) & plan.gather.bucket_mask as i32;
+    let [_, v, w] = cell(point);
+    let along = if record.flipped != 0.0 { Vec3::Y } else { Vec3::X } * plan.gather.radius;
+    let looked_into: Vec<i32> = (cell(point - along)[0]..=cell(point + along)[0]).map(|u| bucket([u, v, w])).collect();
+    let is_shared = |photon: &&u32| {
+        let own = cell(map.positions[**photon as usize].position.into());
+        own[1..] != [v, w] && looked_into.contains(&bucket(own))
+    };
+    around.iter().filter(is_shared).count()
+}
+
+/// Queries on and off the surfaces, and exactly on cells' borders; returns how many photons were found in all, and how
+/// many of them only their rows kept from being found twice.
+fn check(map: &Map, radius: f32, size: CellSize, form: Form, queries: usize) -> [usize; 2] {
     let objects = room();
     let plan = map.plan(&objects, radius, size, form);
     let tables = grid(&map.tables(), &plan);
     let gathering = Gathering { hashed: plan.hashed, ..Gathering::default() };
     let seen = PhotonMap { gathering: &gathering, plan: &plan, stored: map.tables(), grid: &tables, tiles: None };
     let mut random = Random::new(99);
-    let mut found = 0;
+    let mut found = [0; 2];
     for number in 0..queries {
         let object = random.below(objects.len());
         let mut p = surface_point(&objects[object], &mut random);
@@ -46,7 +64,10 @@ fn check(map: &Map, radius: f32, size: CellSize, form: Form, queries: usize) -> 
         let face = 2 * object + usize::from(number % 5 == 0);
         let (expected, answered) = (truth(map, face, p.into(), radius), answer(&seen, &tables, face, p.into()));
         assert_eq!(answered, expected, "query {number} at {p:?} on face {face}, R = {radius}, {form:?}, {size:?}");
-        found += expected.len();
+        found[0] += expected.len();
+        if plan.hashed {
+            found[1] += shared(map, &plan, face, p.into(), &expected);
+        }
     }
     found
 }
@@ -54,14 +75,27 @@ fn check(map: &Map, radius: f32, size: CellSize, form: Form, queries: usize) -> 
 #[test]
 fn a_million_queries_with_forced_collisions_miss_nothing_and_double_nothing() {
     let map = room_photons(400, 1);
-    let mut found = 0;
+    let mut all = 0;
     // As few buckets as faces may share, for thousands of cells: every row shares its buckets with many others.
     for (buckets, radius) in [(2, 0.3), (2, 0.7), (1024, 0.1), (4096, 1.5)] {
-        found += check(&map, radius, CellSize::Auto, Form::Hashed(Some(buckets)), 250_000);
+        let [found, shared] = check(&map, radius, CellSize::Auto, Form::Hashed(Some(buckets)), 250_000);
+        all += found;
+        // Wide cells are so few that their rows share none, whatever the hash.
+        let forces = radius < 1.0;
+        assert!(!forces || shared > 20, "R = {radius}: only {shared} photons lie in two buckets of a query");
     }
     // Faces whose u and v are exchanged read other numbers off the same photon: many near by, in few buckets.
-    found += check(&room_photons(3000, 14), 0.8, CellSize::Auto, Form::Hashed(Some(2)), 5000);
-    assert!(found > 300_000, "only {found} photons in reach: the queries tested nothing");
+    let close = room_photons(3000, 14);
+    let [found, forced] = check(&close, 0.8, CellSize::Auto, Form::Hashed(Some(2)), 5000);
+    all += found;
+    assert!(all > 300_000, "only {all} photons in reach: the queries tested nothing");
+    // A bucket for each cell, nearly.
+    let [same, unforced] = check(&close, 0.8, CellSize::Auto, Form::Hashed(Some(1 << 22)), 5000);
+    assert_eq!(same, found);
+    assert!(
+        forced > 20 && unforced < forced / 10,
+        "{forced} photons in two buckets of a query, {unforced} in many buckets"
+    );
 }
 
 #[test]
