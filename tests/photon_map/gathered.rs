@@ -1,11 +1,13 @@
 //! Radiance gathered by every method and form, on the device and by the twin, is the same but for the order of sums.
 
+use std::f64::consts::PI;
+
 use glam::{DVec3, Vec3};
 use photile::cells::{CellSize, Form};
 use photile::cl::{Arg, Buffer, Context};
 use photile::cpu::camera::camera_direction;
 use photile::cpu::gather::{self, photon_radiance};
-use photile::cpu::grid::grid;
+use photile::cpu::grid::{face_of, grid};
 use photile::cpu::scene::{SceneTables, Surface};
 use photile::features::{Features, Lights};
 use photile::gathering::{DensityKernel, Gathering, Method};
@@ -18,7 +20,7 @@ use photile::stage::photon_map::PhotonMap;
 use photile::stage::photon_textures::PhotonTextures;
 
 use super::timings::closed_room;
-use super::{Map, ROOM_SPHERES, Random, device, room, room_photons, upload};
+use super::{Map, ROOM_SPHERES, Random, device, room, room_photons, surface_point, upload};
 
 const WIDTH: usize = 64;
 const HEIGHT: usize = 48;
@@ -271,6 +273,92 @@ fn the_fragment_shader_gathers_the_same() {
         let found = on_gl(&context, &headless, &mut stage, &map, &wanted, gathering);
         let off = difference(&twin, &found);
         assert!(off < OTHER_COMPILER, "{gathering:?}, {form:?}: {off}");
+    }
+}
+
+/// Radiance of the k nearest photons around a point of the closed room by the definition, from all photons of its face.
+fn by_sorting(map: &Map, surface: &Surface, k: usize, radius: f64) -> f64 {
+    let face = 2 * surface.object + usize::from(surface.side < 0.0);
+    let mut near: Vec<(f64, f64)> = (0..map.positions.len())
+        .filter(|i| face_of(&map.surfaces[*i]) == face)
+        .map(|i| {
+            let position = Vec3::from(map.positions[i].position).as_dvec3();
+            (position.distance(surface.position.as_dvec3()), f64::from(map.powers[i].power[1]))
+        })
+        .filter(|(distance, _)| *distance < radius)
+        .collect();
+    near.sort_by(|a, b| a.0.total_cmp(&b.0));
+    // The next one's distance is the radius; without a next one it is the largest there may be.
+    let rim = near.get(k).map_or(radius, |next| next.0);
+    let epanechnikov = |t: f64| 2.0 / PI * (1.0 - t * t);
+    let sum: f64 = near.iter().take(k).map(|(distance, power)| power * epanechnikov(distance / rim)).sum();
+    0.7 / PI * sum / (rim * rim)
+}
+
+#[test]
+fn the_k_nearest_are_those_of_a_sorted_list() {
+    let (packed, map) = closed_room(20_000);
+    let features = Features { spheres: false, glossy: false, ..features() };
+    let scene = SceneTables::new(&packed, &features);
+    // Some 120 photons a square metre: within this radius 90 in the middle of a wall, 23 in a corner.
+    let radius = 0.5;
+    let mut random = Random::new(18);
+    let points: Vec<Surface> = (0..200)
+        .map(|_| {
+            let object = random.below(6);
+            let position = Vec3::from(surface_point(&packed.objects[object], &mut random));
+            let side = if object % 2 == 0 { 1.0 } else { -1.0 };
+            Surface { position, normal: side * Vec3::from(packed.objects[object].anchor), object, side }
+        })
+        .collect();
+    for form in [Form::Dense, Form::Hashed(Some(2))] {
+        let mut plan = map.plan(&packed.objects, radius, CellSize::Auto, form);
+        let tables = grid(&map.tables(), &plan);
+        for k in [1usize, 2, 10, 50, 256] {
+            plan.gather.nearest = k as f32;
+            let gathering = Gathering { method: Method::Knn, hashed: plan.hashed, ..Gathering::default() };
+            let seen = gather::PhotonMap {
+                gathering: &gathering,
+                plan: &plan,
+                stored: map.tables(),
+                grid: &tables,
+                tiles: None,
+            };
+            let mut others = 0;
+            for surface in &points {
+                let found = f64::from(photon_radiance(&scene, &seen, surface, surface.normal, 0).y);
+                // Weights near the rim cancel: 1 − t² of float32 distances.
+                let is = |k| (found - by_sorting(&map, surface, k, radius.into())).abs() < 2e-5 * found.max(1.0);
+                assert!(is(k), "k = {k}, {form:?}: {found} for {}", by_sorting(&map, surface, k, radius.into()));
+                others += usize::from(!is(k + 1));
+            }
+            // One more must show where there is one: everywhere, but in corners, nowhere.
+            let expected = match k {
+                1..=10 => points.len()..=points.len(),
+                50 => points.len() / 2..=points.len() - 1,
+                _ => 0..=0,
+            };
+            assert!(expected.contains(&others), "{k} for {}, {form:?}: {others} of the points tell", k + 1);
+        }
+    }
+}
+
+#[test]
+fn the_device_takes_the_k_nearest_of_either_form() {
+    let context = device();
+    let mut stage = GridStage::new(&context).unwrap();
+    let map = room_photons(3000, 17);
+    let gathering = Gathering { method: Method::Knn, clip: true, ..Gathering::default() };
+    for form in [Form::Dense, Form::Hashed(Some(32))] {
+        for k in [1, 2, 30, 256] {
+            let wanted = Wanted { nearest: k, form, ..Wanted::radius(0.8) };
+            let found = on_device(&context, &mut stage, &map, &wanted, gathering, context.device.lanes);
+            let off = difference(&by_twin(&map, &wanted, gathering), &found);
+            assert!(off < OTHER_COMPILER, "k = {k}, {form:?}: {off}");
+            let more = by_twin(&map, &Wanted { nearest: k + 1, ..wanted }, gathering);
+            // No disc holds so many.
+            assert!(k == 256 || difference(&more, &found) > OTHER_COMPILER, "{k} for {}, {form:?}", k + 1);
+        }
     }
 }
 
