@@ -12,7 +12,7 @@ use photile::cpu::scene::{SceneTables, Surface};
 use photile::features::{Features, Lights};
 use photile::gathering::{DensityKernel, Gathering, Method};
 use photile::gl::{Headless, Program, Target};
-use photile::layout::Frame;
+use photile::layout::{Frame, Object, SPHERE};
 use photile::pack::Packed;
 use photile::source::{Options, assemble};
 use photile::stage::grid::{Grid, GridStage, Wanted};
@@ -390,6 +390,73 @@ fn the_device_takes_the_k_nearest_of_either_form() {
             let more = by_twin(&map, &Wanted { nearest: k + 1, ..wanted }, gathering);
             // No disc holds so many.
             assert!(k == 256 || difference(&more, &found) > OTHER_COMPILER, "{k} for {}, {form:?}", k + 1);
+        }
+    }
+}
+
+/// Photons of equal power spread evenly over a sphere, inside and out: on a spiral (Vogel 1979).
+fn even_sphere(sphere: &Object, photons: usize) -> Map {
+    let mut map = Map::default();
+    let mut random = Random::new(19);
+    for i in 0..photons {
+        let height = 1.0 - (2.0 * i as f64 + 1.0) / photons as f64;
+        let (sine, cosine) = (i as f64 * PI * (3.0 - 5f64.sqrt())).sin_cos();
+        let across = (1.0 - height * height).sqrt();
+        let direction = DVec3::new(across * cosine, height, across * sine);
+        let position = DVec3::from(sphere.anchor.map(f64::from)) + direction * f64::from(sphere.extent);
+        for side in [1.0, -1.0] {
+            map.push(position.as_vec3().to_array(), 0, side, &mut random);
+        }
+    }
+    map.powers.iter_mut().for_each(|p| p.power = [1.0; 3]);
+    map
+}
+
+#[test]
+fn an_even_sphere_is_as_bright_in_discs_of_every_size() {
+    let photons = 200_000;
+    let extent = 1.5;
+    let sphere =
+        Object { anchor: [0.3, -0.2, 0.1], extent, kind: SPHERE, color: [1.0; 3], diffuse: 1.0, ..Object::default() };
+    let map = even_sphere(&sphere, photons);
+    let packed =
+        Packed { origin: DVec3::ZERO, objects: vec![sphere], sphere_count: 1, lights: Vec::new(), glasses: Vec::new() };
+    let features = Features { planes: false, glossy: false, ..features() };
+    let scene = SceneTables::new(&packed, &features);
+    let truth = photons as f64 / (4.0 * PI * f64::from(extent).powi(2));
+    for share in [0.05, 0.2, 0.7, 1.3, 1.9] {
+        let radius = share as f32 * extent;
+        let plan = map.plan(&packed.objects, radius, CellSize::Auto, Form::Auto);
+        let tables = grid(&map.tables(), &plan);
+        // A ball cuts a cap of π·r² out of the sphere, so every kernel's integral over it is that over a flat disc.
+        let within = photons as f64 * share * share / 4.0;
+        for kernel in DensityKernel::ALL {
+            // What a spiral leaves: where kernels have a step, some of the √n photons on the rim, by chance; where they
+            // fade, fewer by the root of n. And rounded sums.
+            let exponent = if kernel == DensityKernel::Constant { -0.75 } else { -1.25 };
+            let tolerance = 2.5 * within.powf(exponent) + 5e-6;
+            let gathering = Gathering { kernel, hashed: plan.hashed, ..Gathering::default() };
+            let seen = gather::PhotonMap {
+                gathering: &gathering,
+                plan: &plan,
+                stored: map.tables(),
+                grid: &tables,
+                tiles: None,
+            };
+            let mut random = Random::new(20);
+            for number in 0..20 {
+                let normal = Vec3::from(random.direction());
+                let side = if number % 2 == 0 { 1.0 } else { -1.0 };
+                let position = Vec3::from(sphere.anchor) + normal * extent;
+                let surface = Surface { position, normal: normal * side, object: 0, side };
+                let flux_density = PI * f64::from(photon_radiance(&scene, &seen, &surface, surface.normal, 0).x);
+                let off = |flux_density: f64| (flux_density / truth - 1.0).abs();
+                assert!(off(flux_density) < tolerance, "{kernel:?}, {share} radii: {flux_density} for {truth}");
+                // Were the cap a flat disc as wide as the way along the sphere.
+                let wrong = flux_density * (share / (2.0 * (0.5 * share).asin())).powi(2);
+                let shows = share > 0.5 || share > 0.1 && kernel != DensityKernel::Constant;
+                assert!(!shows || off(wrong) > tolerance, "{kernel:?}, {share} radii: the wrong area must show");
+            }
         }
     }
 }
