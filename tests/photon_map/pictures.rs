@@ -1,10 +1,12 @@
 //! Whole pictures: against the independent references, and of both light modes against each other.
 
+use std::f64::consts::PI;
+
 use photile::error::Error;
 use photile::film::Image;
 use photile::metrics::{self, measure};
 use photile::pipeline::{Machine, Pipeline};
-use photile::scene::{Scene, load};
+use photile::scene::{Scene, load, parse};
 use photile::settings::{Amount, Backend, Gather, GridForm, LightMode, Method, Photons, Settings};
 
 use super::{Device, device};
@@ -14,9 +16,12 @@ fn scene(name: &str) -> Scene {
 }
 
 fn opencl() -> (Device, Pipeline) {
-    let alone = device();
-    let machine = Machine { backend: Some(Backend::OpenCl), ..Machine::default() };
-    (alone, Pipeline::open(&machine, |_| {}).unwrap())
+    (device(), open(Backend::OpenCl))
+}
+
+fn open(backend: Backend) -> Pipeline {
+    let machine = Machine { backend: Some(backend), ..Machine::default() };
+    Pipeline::open(&machine, |_| {}).unwrap()
 }
 
 fn rel_mse(image: &Image, reference: &Image) -> f64 {
@@ -117,4 +122,40 @@ fn the_grids_form_is_chosen_or_asked_for() {
     }
     let refused = render("sphere_and_plane", Method::Grid, GridForm::Dense).map(|picture| picture.form);
     assert!(matches!(&refused, Err(Error::Usage(why)) if why.contains("hashed")), "{refused:?}");
+}
+
+#[test]
+fn the_inside_of_a_sphere_lit_from_its_centre_is_one_brightness() {
+    let _alone = device();
+    let (albedo, radius, intensity) = (0.5, 2.0, 3.0);
+    let scene = parse(
+        &format!(
+            "[camera]\nposition = [1, 2.5, 3.5]\nlook_at = [1.5, 1.5, 0]\nfov_y = 80\n\
+             [materials.grey]\ncolor = [{albedo}, {albedo}, {albedo}]\n\
+             [[lights]]\nposition = [1, 2, 3]\nintensity = [{intensity}, {intensity}, {intensity}]\n\
+             [[spheres]]\ncenter = [1, 2, 3]\nradius = {radius}\nmaterial = \"grey\"\n"
+        ),
+        "sphere.toml",
+    )
+    .unwrap();
+    // E = Φ/(4πR²)/(1−ρ), Φ = 4πI; L = ρE/π.
+    let radiance = |albedo: f64| albedo / PI * intensity / (radius * radius) / (1.0 - albedo);
+    let mut settings = Settings { width: 64, height: 48, light: LightMode::Photons, ..Settings::default() };
+    settings.photons.amount = Amount::Paths(500_000);
+    settings.gather = Gather { method: Method::Grid, radius: Some(0.3), ..settings.gather };
+    for backend in Backend::ALL {
+        let found = open(backend).render(&scene, &settings).unwrap();
+        let (name, mean) = (backend.name(), mean(&found.image));
+        // 500k paths store 2 ± √2 photons each: 0.1%. A sixth of them is seen: 0.25%.
+        assert!((mean / radiance(albedo) - 1.0).abs() < 0.01, "{name}: {mean} for {}", radiance(albedo));
+        for wrong in [albedo - 0.01, albedo + 0.01] {
+            assert!((mean / radiance(wrong) - 1.0).abs() > 0.01, "{name}: albedo {wrong} must show");
+        }
+        // A disc is 1/178 of the sphere and holds 5600 of them, which this kernel's weights make 1.5%. Five times that is
+        // too much wherever a pixel looks.
+        for channel in found.image.pixels.iter().flatten() {
+            let share = f64::from(*channel) / radiance(albedo);
+            assert!((share - 1.0).abs() < 0.08, "{name}: {share} of the radiance");
+        }
+    }
 }
