@@ -41,6 +41,16 @@ impl Class {
     pub const ALL: [Class; 5] =
         [Class::Cpu, Class::OpenClLanes, Class::OpenClGpu, Class::OpenGlSoftware, Class::OpenGlGpu];
 
+    /// OpenCL with so many lanes a work-item.
+    pub fn of_opencl(lanes: u32) -> Class {
+        if lanes == 1 { Class::OpenClGpu } else { Class::OpenClLanes }
+    }
+
+    /// Fragments of such a renderer.
+    pub fn of_opengl(is_software: bool) -> Class {
+        if is_software { Class::OpenGlSoftware } else { Class::OpenGlGpu }
+    }
+
     /// As files have it.
     pub fn name(self) -> &'static str {
         match self {

@@ -164,6 +164,7 @@ pub struct Pipeline {
     pub backend: Backend,
     /// By name.
     pub devices: Devices,
+    class: Class,
     last: Option<Last>,
     /// Not all rows are wanted.
     partial: bool,
@@ -214,21 +215,22 @@ impl Pipeline {
     ) -> Result<Pipeline> {
         let mut devices = Devices::default();
         let mut context = None;
-        let (tracer, map, irradiance): (Box<dyn Trace>, MapStage, IrradianceStage) = match backend {
+        let (tracer, map, irradiance, class): (Box<dyn Trace>, MapStage, IrradianceStage, Class) = match backend {
             Backend::OpenGl => {
-                let tracer = match current {
+                let (tracer, is_software) = match current {
                     Some(current) => {
                         devices.opengl = Some(current.renderer.clone());
-                        GlTrace::new(&current.gl, current.is_software)?
+                        (GlTrace::new(&current.gl, current.is_software)?, current.is_software)
                     }
                     None => {
                         let headless = Headless::new()?;
                         // A driver may be there and yet draw nothing: then the next backend is tried.
                         gl::probe(&headless)?;
                         devices.opengl = Some(format!("{} ({})", headless.renderer, headless.route));
-                        let tracer = GlTrace::new(&headless.gl, headless.is_software)?;
+                        let (tracer, is_software) =
+                            (GlTrace::new(&headless.gl, headless.is_software)?, headless.is_software);
                         context = Some(headless);
-                        tracer
+                        (tracer, is_software)
                     }
                 };
                 let (map, irradiance) = match open_lanes(machine, notice) {
@@ -244,21 +246,22 @@ impl Pipeline {
                         (MapStage::on_host(Rc::clone(&pool)), IrradianceStage::on_host(pool))
                     }
                 };
-                (Box::new(tracer), map, irradiance)
+                (Box::new(tracer), map, irradiance, Class::of_opengl(is_software))
             }
             Backend::OpenCl => {
                 let opened = Rc::new(open_lanes(machine, notice)?);
                 devices.name_opencl(&opened);
                 let tracer = Box::new(ClTrace::new(Rc::clone(&opened))?);
-                (tracer, MapStage::on_device(Rc::clone(&opened))?, IrradianceStage::on_device(opened))
+                let class = Class::of_opencl(opened.device.lanes);
+                (tracer, MapStage::on_device(Rc::clone(&opened))?, IrradianceStage::on_device(opened), class)
             }
             Backend::Cpu => {
                 let pool = threads(machine)?;
                 let tracer = Box::new(CpuTrace::new(Rc::clone(&pool)));
-                (tracer, MapStage::on_host(Rc::clone(&pool)), IrradianceStage::on_host(pool))
+                (tracer, MapStage::on_host(Rc::clone(&pool)), IrradianceStage::on_host(pool), Class::Cpu)
             }
         };
-        Ok(Pipeline { tracer, map, irradiance, context, backend, devices, last: None, partial: false })
+        Ok(Pipeline { tracer, map, irradiance, context, backend, devices, class, last: None, partial: false })
     }
 
     /// Renders a picture, redoing only what changed since the last one.
@@ -488,13 +491,7 @@ impl Pipeline {
 
     /// What gathering costs are known for on this backend.
     pub fn class(&self) -> Class {
-        match (self.backend, self.devices.lanes, &self.context) {
-            (Backend::Cpu, ..) => Class::Cpu,
-            (Backend::OpenCl, Some(1), _) => Class::OpenClGpu,
-            (Backend::OpenCl, ..) => Class::OpenClLanes,
-            (Backend::OpenGl, _, Some(context)) if !context.is_software => Class::OpenGlGpu,
-            (Backend::OpenGl, ..) => Class::OpenGlSoftware,
-        }
+        self.class
     }
 
     /// Whether a GPU makes the pictures.
@@ -637,6 +634,22 @@ fn threads(machine: &Machine) -> Result<Rc<rayon::ThreadPool>> {
     let threads = machine.threads;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     pool.map(Rc::new).map_err(|error| Error::Device(format!("{threads} threads: {error}")))
+}
+
+/// The class of devices that a backend would render with here, told without building its kernels.
+///
+/// # Errors
+/// [`Error::Driver`] when the backend is not there.
+pub fn class_of(backend: Backend, machine: &Machine) -> Result<Class> {
+    Ok(match backend {
+        Backend::OpenGl => {
+            let headless = Headless::new()?;
+            gl::probe(&headless)?;
+            Class::of_opengl(headless.is_software)
+        }
+        Backend::OpenCl => Class::of_opencl(open_lanes(machine, &mut |_| {})?.device.lanes),
+        Backend::Cpu => Class::Cpu,
+    })
 }
 
 /// The machine's OpenCL device, with the lanes asked for.

@@ -2,6 +2,7 @@
 
 use glam::{DVec3, Vec3};
 use photile::change::Stage;
+use photile::choice::Class;
 use photile::cpu::camera::sample_direction;
 use photile::cpu::gather::{PhotonMap, near};
 use photile::cpu::grid::{GridTables, face_of};
@@ -10,6 +11,7 @@ use photile::cpu::tiles::{find_region, slopes, tile_at, tiles, tiles_seen};
 use photile::features::{Features, Lights};
 use photile::film::Image;
 use photile::gathering::{Gathering, Method};
+use photile::gl::{Current, Headless};
 use photile::layout::Frame;
 use photile::pack::Packed;
 use photile::pipeline::{Machine, Pipeline};
@@ -209,7 +211,7 @@ pub fn scene(name: &str) -> Scene {
     load(format!("{}/scenes/{name}.toml", env!("CARGO_MANIFEST_DIR")).as_ref()).unwrap()
 }
 
-fn settings(method: Method, tile: [u32; 2], samples: u32) -> Settings {
+pub fn settings(method: Method, tile: [u32; 2], samples: u32) -> Settings {
     let default = Settings::default();
     Settings {
         width: 90,
@@ -222,14 +224,14 @@ fn settings(method: Method, tile: [u32; 2], samples: u32) -> Settings {
 }
 
 /// Greatest difference of two pictures, in means of the first.
-fn apart(a: &Image, b: &Image) -> f32 {
+pub fn apart(a: &Image, b: &Image) -> f32 {
     let mean = a.pixels.iter().flatten().sum::<f32>() / (3 * a.pixels.len()) as f32;
     let pairs = a.pixels.iter().flatten().zip(b.pixels.iter().flatten());
     pairs.map(|(a, b)| (a - b).abs() / mean).fold(0.0, f32::max)
 }
 
 /// Some hundred terms in another order: 1e-7 each, on lights ten times the mean.
-const SAME: f32 = 5e-5;
+pub const SAME: f32 = 5e-5;
 
 #[test]
 fn a_photon_more_is_another_picture() {
@@ -343,4 +345,16 @@ fn the_choice_goes_with_the_map() {
     // A closed room's dense grid costs least; an infinite plane's hashed one is dear where every pixel gathers alone.
     assert_eq!(chosen("gi_ref"), Some(Method::Grid));
     assert!(chosen("sphere_and_plane").is_some_and(Method::is_tiled));
+}
+
+#[test]
+fn a_windows_context_costs_what_its_renderer_does() {
+    let _alone = device();
+    let headless = Headless::new().expect("an OpenGL driver");
+    for (is_software, class) in [(true, Class::OpenGlSoftware), (false, Class::OpenGlGpu)] {
+        let current = Current { is_software, ..headless.current() };
+        let pipeline = Pipeline::open_within(Backend::OpenGl, &Machine::default(), &current, |_| {}).unwrap();
+        assert_eq!(pipeline.class(), class);
+        assert_eq!(pipeline.is_on_gpu(), !is_software);
+    }
 }
