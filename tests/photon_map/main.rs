@@ -8,6 +8,7 @@ mod queries;
 mod tables;
 mod tile_timings;
 mod tile_views;
+mod tiled_pictures;
 mod tiles;
 mod timings;
 

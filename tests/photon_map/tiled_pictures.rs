@@ -1,0 +1,128 @@
+//! Whole pictures by tiles against brute force, on every backend: in rooms, glossy and divided scenes; through narrow and
+//! wide lenses, and from within photons' discs.
+
+use glam::DVec3;
+use photile::features::is_divided;
+use photile::film::Image;
+use photile::pipeline::{Machine, Pipeline};
+use photile::scene::{Plane, Scene};
+use photile::settings::{Amount, Backend, Gather, Method, Photons, Settings};
+use photile::stage::map::MapView;
+
+use super::device;
+use super::tiles::{SAME, apart, scene, settings};
+
+/// 48 × 36 pixels, 3000 photons.
+fn small(method: Method, tile: [u32; 2], radius: Option<f32>) -> Settings {
+    let usual = settings(method, tile, 1);
+    let photons = Photons { amount: Amount::Stored(3000), ..usual.photons };
+    let gather = Gather { radius, ..usual.gather };
+    Settings { width: 48, height: 36, photons, gather, ..usual }
+}
+
+fn open(backend: Backend, lanes: Option<u32>) -> Pipeline {
+    let machine = Machine { backend: Some(backend), lanes, ..Machine::default() };
+    Pipeline::open(&machine, |_| {}).expect("every backend works where tests run")
+}
+
+/// R of views whose eye is nearer to the floor than that, metres.
+const WIDE: f32 = 0.8;
+
+/// The scene's own view, through a narrow and a wide lens, and from 0.1 m above the floor, which is within the discs of
+/// the photons there.
+fn views(scene: &Scene) -> Vec<(&'static str, Scene, Option<f32>)> {
+    let with_lens = |fov_y: f64| {
+        let mut view = scene.clone();
+        view.camera.fov_y = fov_y;
+        view
+    };
+    let mut low = scene.clone();
+    low.camera.position.y = -2.9;
+    low.camera.look_at = low.camera.position + DVec3::new(0.2, -0.3, -1.0);
+    vec![
+        ("as it is", scene.clone(), None),
+        ("1 degree", with_lens(1.0), None),
+        ("170 degrees", with_lens(170.0), None),
+        ("within discs", low, Some(WIDE)),
+    ]
+}
+
+/// Photons whose disc the camera is in.
+fn around_the_camera(pipeline: &Pipeline, scene: &Scene) -> usize {
+    let (map, packed) = pipeline.map().expect("there are photons");
+    let MapView::Host { stored, .. } = map else { panic!("the twins' maps are in host memory") };
+    let eye = (scene.camera.position - packed.origin).as_vec3();
+    stored.positions.iter().filter(|photon| eye.distance(photon.position.into()) < WIDE).count()
+}
+
+/// Brute force, tiles and tiled grids, view by view; and that another map is another picture in each of them.
+fn equal_brute_force(scene: &Scene) {
+    let _alone = device();
+    for backend in Backend::ALL {
+        let mut pipeline = open(backend, None);
+        for (name, view, radius) in views(scene) {
+            let mut by = |settings: &Settings| pipeline.render(&view, settings).unwrap().image;
+            let brute = by(&small(Method::Brute, [16, 16], radius));
+            for (method, tile) in
+                [(Method::Tiles, [16, 16]), (Method::TiledGrid, [16, 16]), (Method::TiledGrid, [7, 5])]
+            {
+                let off = apart(&brute, &by(&small(method, tile, radius)));
+                assert!(off < SAME, "{backend:?}, {name}, {method:?}, {tile:?}: {off}");
+            }
+            let other = by(&Settings { seed: 1, ..small(Method::Tiles, [16, 16], radius) });
+            let off = apart(&brute, &other);
+            assert!(off > 100.0 * SAME, "{backend:?}, {name}: photons hardly matter here: {off}");
+            if (backend, radius) == (Backend::Cpu, Some(WIDE)) {
+                assert!(around_the_camera(&pipeline, &view) > 0, "the camera is in no photon's disc");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_closed_room_by_tiles_is_that_by_brute_force() {
+    equal_brute_force(&scene("gi_ref"));
+}
+
+#[test]
+fn glossy_surfaces_by_tiles_are_those_by_brute_force() {
+    equal_brute_force(&scene("glossy"));
+}
+
+/// Two lamps with an oblique wall between them, through the middle of a sphere: photons lie on both sides of it, and
+/// those beyond it on floor and ceiling light nothing on this side.
+fn divided() -> Scene {
+    let mut scene = scene("gi_two_lights");
+    let (normal, material) = (DVec3::new(1.0, 0.0, 0.2), scene.planes[0].material);
+    scene.planes.push(Plane { normal: normal.normalize(), offset: -1.4 / normal.length(), material });
+    scene
+}
+
+#[test]
+fn a_scene_that_planes_divide_by_tiles_is_that_by_brute_force() {
+    let scene = divided();
+    for (name, view, _) in views(&scene) {
+        assert!(is_divided(&view), "{name}");
+    }
+    equal_brute_force(&scene);
+}
+
+#[test]
+fn one_photon_more_is_another_picture_on_every_backend() {
+    let _alone = device();
+    let scene = scene("gi_ref");
+    for backend in Backend::ALL {
+        let mut pipeline = open(backend, None);
+        let mut by = |method, stored| {
+            let mut settings = small(method, [16, 16], Some(WIDE));
+            settings.photons.amount = Amount::Stored(stored);
+            pipeline.render(&scene, &settings).unwrap().image
+        };
+        let brute = by(Method::Brute, 3000);
+        // A path more takes some 1e-3 of the mean from the brightest pixels. A photon that lies where the camera looks
+        // is a share of some twenty around it: two of five do.
+        let shows = |image: Image| apart(&brute, &image) > 0.02;
+        assert!((3001..3016).any(|stored| shows(by(Method::Tiles, stored))), "{backend:?}");
+        assert!(!shows(by(Method::Tiles, 3000)), "{backend:?}");
+    }
+}
