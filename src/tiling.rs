@@ -17,7 +17,8 @@ pub const TILE: [u32; 2] = [32, 32];
 pub struct Wanted {
     /// R, metres.
     pub radius: f32,
-    /// Width and height, pixels; the last column and row of tiles may reach over the image.
+    /// Width and height, pixels; the last column and row of tiles may reach over the image. Larger ones than the image
+    /// are as large as it is.
     pub tile: [u32; 2],
     /// A grid of cells in every tile: `tiled-grid`. Without, a tile's region is one cell.
     pub cells: bool,
@@ -51,6 +52,11 @@ pub struct Plan {
     pub lines: Lines,
 }
 
+/// A tile as it is laid out: no larger than the image, so that what is made for a tile is bounded by what it can see.
+pub fn within(frame: &Frame, tile: [u32; 2]) -> [u32; 2] {
+    [tile[0].min(frame.width as u32), tile[1].min(frame.height as u32)]
+}
+
 /// Tiles across and down an image.
 pub fn tiles_of(frame: &Frame, tile: [u32; 2]) -> [u32; 2] {
     [(frame.width as u32).div_ceil(tile[0]), (frame.height as u32).div_ceil(tile[1])]
@@ -62,6 +68,7 @@ pub fn tiles_of(frame: &Frame, tile: [u32; 2]) -> [u32; 2] {
 /// [`Error::Usage`] when there are more photons, tiles or regions than a float can count.
 pub fn plan(objects: &[Object], frame: &Frame, mut seen: Vec<Seen>, photons: usize, wanted: &Wanted) -> Result<Plan> {
     let size = tiles_of(frame, wanted.tile);
+    let tile = within(frame, wanted.tile);
     let tile_count = size[0] as usize * size[1] as usize;
     seen.sort_by_key(|s| (s.tile, s.face));
     seen.dedup_by(|next, first| {
@@ -124,8 +131,8 @@ pub fn plan(objects: &[Object], frame: &Frame, mut seen: Vec<Seen>, photons: usi
         inverse_radius: 1.0 / wanted.radius,
         photon_count: photons as f32,
         tiles_across: size[0] as f32,
-        tile_width: wanted.tile[0] as f32,
-        tile_height: wanted.tile[1] as f32,
+        tile_width: tile[0] as f32,
+        tile_height: tile[1] as f32,
         ..Gather::default()
     };
     let lines = Lines::of(&tiles, &regions, size, 2 * objects.len());
@@ -220,6 +227,22 @@ mod tests {
             let region = plan.regions[0];
             assert!((0..3).all(|i| region.counts[i] * region.cell[i] >= region.high[i] - region.low[i]));
         }
+    }
+
+    #[test]
+    fn a_tile_larger_than_the_image_is_laid_out_as_the_image() {
+        let frame = Frame { width: 48.0, height: 36.0, ..Frame::default() };
+        let of = |tile| {
+            let wanted = Wanted { radius: 0.5, tile, cells: true };
+            plan(&objects(), &frame, vec![seen(0, 0, [0.0; 3], [1.0, 0.0, 1.0])], 1000, &wanted).unwrap()
+        };
+        let image = of([48, 36]);
+        for tile in [[32_768; 2], [48, 37], [49, 36], [u32::MAX; 2]] {
+            assert_eq!(of(tile), image, "{tile:?}");
+        }
+        // Along one axis it may still be larger.
+        assert_eq!((of([32_768, 9]).size, of([32_768, 9]).gather.tile_width), ([1, 4], 48.0));
+        assert_ne!(of([47, 36]), image);
     }
 
     #[test]

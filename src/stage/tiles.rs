@@ -14,7 +14,7 @@ use crate::layout::{Frame, Gather, Light, Object, PhotonDirection, Region, TEXEL
 use crate::pace;
 use crate::pack::Packed;
 use crate::source::{Options, assemble};
-use crate::tiling::{Plan, Seen, Wanted, check_pairs, plan, tiles_of};
+use crate::tiling::{Plan, Seen, Wanted, check_pairs, plan, tiles_of, within};
 
 /// The tiles' lists on the device. Buffers may be longer than what they hold.
 pub struct Tiles {
@@ -193,6 +193,8 @@ impl TileStage {
         let (_, kernel) = self.seen_kernel.as_ref().expect("uploaded before");
         self.frame.write(context, std::slice::from_ref(frame))?;
         let tiles = tiles_of(frame, tile);
+        // Strips are parts of what is in the image: what hangs over would take a slot for every 64 pixels of nothing.
+        let tile = within(frame, tile);
         // A CPU's work-item is a long loop of 16 pixels at a time; a GPU wants many of few pixels.
         let side = if context.device.lanes == 1 { 8 } else { 64 };
         let strip = tile.map(|pixels| pixels.min(side));

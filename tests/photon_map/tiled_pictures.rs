@@ -126,3 +126,27 @@ fn one_photon_more_is_another_picture_on_every_backend() {
         assert!(!shows(by(Method::Tiles, 3000)), "{backend:?}");
     }
 }
+
+#[test]
+fn a_tile_larger_than_the_image_is_as_large_as_it_is_and_takes_no_more_memory() {
+    let _alone = device();
+    let scene = scene("gi_ref");
+    // As GPUs and as CPUs take the strips of tiles.
+    for lanes in [Some(1), None] {
+        let of = |tile| {
+            let mut pipeline = open(Backend::OpenCl, lanes);
+            let image = pipeline.render(&scene, &small(Method::TiledGrid, tile, None)).unwrap().image;
+            (image, pipeline.bytes(), pipeline.most_bytes().unwrap())
+        };
+        let whole = of([48, 36]);
+        assert!(whole.2 < 8 << 20, "{lanes:?}: {} bytes for 3000 photons", whole.2);
+        // The largest that the command line takes, in both directions and in one.
+        for tile in [[32_768, 32_768], [48, 32_768]] {
+            let found = of(tile);
+            assert_eq!((found.1, found.2), (whole.1, whole.2), "{lanes:?}, {tile:?}");
+            assert!(found.0 == whole.0, "{lanes:?}, {tile:?}: another picture");
+        }
+        // The account tells other tiles from these.
+        assert_ne!(of([1, 1]).1, whole.1, "{lanes:?}");
+    }
+}
