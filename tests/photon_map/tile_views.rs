@@ -96,6 +96,29 @@ fn plan_of(frame: &Frame, photons: usize, wanted: &Wanted) -> Plan {
     tiling::plan(&packed.objects, frame, seen, photons, wanted).unwrap()
 }
 
+/// What a pixel's ray hits.
+struct Seen {
+    pixel: [u32; 2],
+    direction: Vec3,
+    face: usize,
+    position: Vec3,
+}
+
+/// What all pixels see, ray by ray.
+fn pixels(frame: &Frame) -> Vec<Seen> {
+    let packed = packed();
+    let scene = SceneTables::new(&packed, &FEATURES);
+    let look = |pixel: [u32; 2]| {
+        let direction = sample_direction(frame, true, pixel[0], pixel[1], 0);
+        let hit = scene.closest_hit(frame.position.into(), direction, None)?;
+        let surface = scene.surface_at(frame.position.into(), direction, hit);
+        let face = 2 * surface.object + usize::from(surface.side < 0.0);
+        Some(Seen { pixel, direction, face, position: surface.position })
+    };
+    let pixels = (0..frame.height as u32).flat_map(|row| (0..frame.width as u32).map(move |column| [column, row]));
+    pixels.filter_map(look).collect()
+}
+
 /// Tiles that a photon enters; and those with a pixel that accepts it, by brute force.
 fn entered(frame: &Frame, wanted: &Wanted, p: Vec3, face: usize) -> [BTreeSet<usize>; 2] {
     let plan = plan_of(frame, 1, wanted);
@@ -103,17 +126,9 @@ fn entered(frame: &Frame, wanted: &Wanted, p: Vec3, face: usize) -> [BTreeSet<us
     enter(&plan, frame, p, face, |tile, _| {
         found.insert(tile);
     });
-    let packed = packed();
-    let scene = SceneTables::new(&packed, &FEATURES);
-    let accepts = |(column, row): (u32, u32)| {
-        let direction = sample_direction(frame, true, column, row, 0);
-        let hit = scene.closest_hit(frame.position.into(), direction, None)?;
-        let surface = scene.surface_at(frame.position.into(), direction, hit);
-        let own = 2 * surface.object + usize::from(surface.side < 0.0);
-        (own == face && surface.position.distance(p) < wanted.radius).then(|| tile_at(&plan.gather, column, row))
-    };
-    let pixels = (0..frame.height as u32).flat_map(|row| (0..frame.width as u32).map(move |column| (column, row)));
-    [found, pixels.filter_map(accepts).collect()]
+    let accepts = |seen: &Seen| seen.face == face && seen.position.distance(p) < wanted.radius;
+    let truth = pixels(frame).into_iter().filter(accepts).map(|Seen { pixel: [x, y], .. }| tile_at(&plan.gather, x, y));
+    [found, truth.collect()]
 }
 
 /// The floor (y = −2), from above.
@@ -158,6 +173,73 @@ fn a_photon_larger_than_the_screen_enters_every_tile_that_sees_its_surface() {
     };
     let all: BTreeSet<usize> = plan.tiles.iter().enumerate().filter(|(_, tile)| sees(tile)).map(|(i, _)| i).collect();
     assert!(all.len() > 10 && truth == all && found == all, "{found:?}, {truth:?}, {all:?}");
+}
+
+#[test]
+fn photons_on_an_oblique_wall_before_and_behind_what_a_tile_sees_of_it_are_not_on_its_list() {
+    const NUMBER: usize = 8;
+    const FACE: usize = 2 * NUMBER + 1; // from inside the room
+    const RADIUS: f32 = 0.3;
+    let wall = room()[NUMBER];
+    let normal = Vec3::from(wall.anchor);
+    let along = Vec3::new(normal.z, 0.0, -normal.x);
+    // 0.2 m off the wall, looking up along it: rays pass within R of photons long before they meet the wall, and behind
+    // the ceiling it goes on.
+    let eye = (wall.extent - 0.2) * normal - Vec3::Y;
+    let view = frame(eye, Vec3::Y + 0.3 * along + 0.1 * normal, 60.0, 1);
+    let depth = |p: Vec3| (p - eye).dot(view.forward.into());
+    let (plan, wider) = (plan_of(&view, 1, &wanted(RADIUS)), plan_of(&view, 1, &wanted(10.0 * RADIUS)));
+    let lists = |plan: &Plan, p: Vec3, wanted: usize| {
+        let mut found = false;
+        enter(plan, &view, p, FACE, |tile, _| found |= tile == wanted);
+        found
+    };
+    let pixels = pixels(&view);
+    let [mut before, mut behind, mut listed, mut listed_wider] = [0; 4];
+    for tile in 0..plan.tiles.len() {
+        let own: Vec<_> =
+            pixels.iter().filter(|seen| tile_at(&plan.gather, seen.pixel[0], seen.pixel[1]) == tile).collect();
+        // The rectangle of the wall that these pixels see, and how far its corners lie from the eye.
+        let points = || own.iter().filter(|seen| seen.face == FACE).map(|seen| seen.position);
+        let range = |axis: Vec3| {
+            let fold = |f: fn(f32, f32) -> f32, first: f32| points().map(|p| p.dot(axis)).fold(first, f);
+            [fold(f32::min, f32::INFINITY), fold(f32::max, f32::NEG_INFINITY)]
+        };
+        if points().next().is_none() {
+            continue;
+        }
+        let corners =
+            range(along).map(|u| range(Vec3::Y).map(|v| depth(wall.extent * normal + u * along + v * Vec3::Y)));
+        let corners = corners.as_flattened();
+        let nearest = corners.iter().copied().fold(f32::INFINITY, f32::min);
+        let farthest = corners.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+        // Photons all over the wall, from below the eye to far above the ceiling.
+        for (u, v) in (-20..=20).flat_map(|u| (-20..=60).map(move |v| (u as f32 * 0.1, v as f32 * 0.1))) {
+            let p = wall.extent * normal + u * along + v * Vec3::Y;
+            let passes = |seen: &&Seen| {
+                let t = (p - eye).dot(seen.direction).max(0.0);
+                (eye + t * seen.direction).distance(p) < RADIUS
+            };
+            // Only depth tells these from what the tile's pixels can see.
+            if !own.iter().any(passes) {
+                continue;
+            }
+            let is_listed = lists(&plan, p, tile);
+            // Lists reach 0.35% farther than R.
+            let (near, far) = (depth(p) < nearest - 1.01 * RADIUS, depth(p) > farthest + 1.01 * RADIUS);
+            if near || far {
+                assert!(!is_listed, "{p} in tile {tile}, which sees depths from {nearest} to {farthest}: {}", depth(p));
+                before += usize::from(near);
+                behind += usize::from(far);
+                listed_wider += usize::from(lists(&wider, p, tile));
+            } else {
+                listed += usize::from(is_listed);
+            }
+        }
+    }
+    assert!(before > 100 && behind > 100, "{before} before, {behind} behind");
+    // The others are listed, and these too where discs reach that far.
+    assert!(listed > 100 && listed_wider > 100, "{listed} listed, {listed_wider} with ten times the radius");
 }
 
 #[test]
