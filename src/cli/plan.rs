@@ -1,5 +1,7 @@
 //! `photile plan`: what is run for a scene, what is skipped, and why.
 
+use std::collections::BTreeMap;
+
 use serde::Serialize;
 
 use super::options::RenderOptions;
@@ -13,9 +15,10 @@ use crate::features::{Features, Reason};
 use crate::layout::{Frame, Glass, Light, Object, Record, Shape, TEXEL, TEXTURE_WIDTH_LOG2};
 use crate::memory;
 use crate::pack::Packed;
+use crate::pipeline::class_of;
 use crate::radius;
 use crate::scene::Scene;
-use crate::settings::{Amount, LightMode, Settings};
+use crate::settings::{Amount, Backend, LightMode, Settings};
 use crate::source::{Options, assemble, units};
 
 /// Show which stages and features a scene needs, what is skipped and why
@@ -81,13 +84,21 @@ struct Gathering {
     opencl_cpu: Vec<Estimate>,
     /// The twin.
     cpu: Vec<Estimate>,
+    /// Which of these each backend is on this machine; one without a driver is none.
+    here: BTreeMap<&'static str, &'static str>,
 }
 
 /// Paths that are emitted to judge the map by.
 const PATHS: u32 = 1 << 14;
 
 /// A beginning of the map, made by the CPU, and what follows from it.
-fn gathering(scene: &Scene, settings: &Settings, features: &Features, packed: &Packed) -> Result<Option<Gathering>> {
+fn gathering(
+    options: &RenderOptions,
+    scene: &Scene,
+    settings: &Settings,
+    features: &Features,
+    packed: &Packed,
+) -> Result<Option<Gathering>> {
     if !wants_photons(scene, settings) {
         return Ok(None);
     }
@@ -99,6 +110,10 @@ fn gathering(scene: &Scene, settings: &Settings, features: &Features, packed: &P
         let question = Question { stored, radius, tile: settings.gather.tile, class };
         choice::estimates(&tables, &frame, &beginning.sample, &question)
     };
+    let here = |backend: Backend| {
+        let class = class_of(backend, &options.machine(Some(backend))).ok()?;
+        Some((backend.name(), class.name()))
+    };
     Ok(Some(Gathering {
         radius,
         stored,
@@ -107,6 +122,7 @@ fn gathering(scene: &Scene, settings: &Settings, features: &Features, packed: &P
         opengl_software: weigh(Class::OpenGlSoftware),
         opencl_cpu: weigh(Class::OpenClLanes),
         cpu: weigh(Class::Cpu),
+        here: Backend::ALL.into_iter().filter_map(here).collect(),
     }))
 }
 
@@ -181,7 +197,7 @@ pub fn run(args: &Args) -> Result<()> {
     if !packed.glasses.is_empty() {
         uploads.push(table::<Glass>(packed.glasses.len()));
     }
-    let gather = gathering(&scene, &settings, &features, &packed)?;
+    let gather = gathering(&args.options, &scene, &settings, &features, &packed)?;
     let memory = gather.as_ref().map(|gather| {
         let stored = gather.stored as usize;
         let opengl_bytes = memory::texture_bytes(features.glossy, stored);
@@ -227,6 +243,8 @@ pub fn run(args: &Args) -> Result<()> {
         );
     }
     println!("gather {} photons with R = {:.4} m", gather.stored, gather.radius);
+    let here: Vec<_> = gather.here.iter().map(|(backend, class)| format!("{backend} is {class}")).collect();
+    println!("  here {}", here.join(", "));
     for (class, estimates) in [
         (Class::OpenGlGpu, &gather.opengl),
         (Class::OpenGlSoftware, &gather.opengl_software),

@@ -9,25 +9,25 @@ use serde_json::Value;
 use crate::common::{missing, scene_path};
 
 /// What hides OpenCL from the ICD loader and OpenGL from libglvnd.
-const HIDDEN: [(&str, &str); 2] =
+pub const HIDDEN: [(&str, &str); 2] =
     [("OCL_ICD_VENDORS", "/nonexistent"), ("__EGL_VENDOR_LIBRARY_FILENAMES", "/nonexistent")];
 
 /// How one run ended.
-struct Run {
-    code: i32,
-    stdout: String,
-    stderr: String,
+pub struct Run {
+    pub code: i32,
+    pub stdout: String,
+    pub stderr: String,
 }
 
 impl Run {
     /// The one JSON object that stdout holds.
     #[track_caller]
-    fn json(&self) -> Value {
+    pub fn json(&self) -> Value {
         serde_json::from_str(&self.stdout).unwrap_or_else(|error| panic!("{error}: {}{}", self.stdout, self.stderr))
     }
 
     #[track_caller]
-    fn ends(self, code: i32, said: &[&str]) -> Run {
+    pub fn ends(self, code: i32, said: &[&str]) -> Run {
         let all = format!("{}{}", self.stdout, self.stderr);
         assert_eq!(self.code, code, "{all}");
         for words in said {
@@ -38,7 +38,7 @@ impl Run {
     }
 }
 
-fn run_with(folder: &Path, environment: &[(&str, &str)], arguments: &[&str]) -> Run {
+pub fn run_with(folder: &Path, environment: &[(&str, &str)], arguments: &[&str]) -> Run {
     let mut command = Command::new(env!("CARGO_BIN_EXE_photile"));
     command.current_dir(folder).args(arguments).envs(environment.iter().copied());
     let Output { status, stdout, stderr } = command.output().unwrap();
@@ -47,11 +47,11 @@ fn run_with(folder: &Path, environment: &[(&str, &str)], arguments: &[&str]) -> 
 }
 
 /// In a folder of its own, gone afterwards.
-fn run(arguments: &[&str]) -> Run {
+pub fn run(arguments: &[&str]) -> Run {
     run_with(tempfile::tempdir().unwrap().path(), &[], arguments)
 }
 
-const GI_REF: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/gi_ref.toml");
+pub const GI_REF: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/gi_ref.toml");
 
 const SMALL: [&str; 4] = ["--light", "direct", "--size", "48x32"];
 

@@ -10,5 +10,6 @@ mod command_line;
 mod edges;
 mod moved;
 mod permutations;
+mod photon_commands;
 mod random;
 mod references;
