@@ -90,3 +90,46 @@ fn plan_of_a_picture_without_photons_shows_no_methods() {
     let run = run(&["plan", GI_REF, "--light", "direct", "--json"]).ends(0, &[]);
     assert!(run.json()["gather"].is_null());
 }
+
+#[test]
+fn gathers_of_a_backend_agree_on_the_reports_scenes() {
+    for name in ["gi_ref", "sphere_and_plane"] {
+        let scene = path(name);
+        let arguments =
+            [&["compare", &scene, "--gathers", "grid,tiles,brute", "--repeat", "1", "--json"], &SMALL[..]].concat();
+        let json = run(&arguments).ends(0, &[]).json();
+        let mut own = 0;
+        for pair in json["pairs"].as_array().unwrap() {
+            let [a, b] = ["a", "b"].map(|side| pair[side].as_str().unwrap().split_once('/').expect("backend/gather"));
+            if a.0 == b.0 {
+                assert_ne!(a.1, b.1);
+                let off = pair["rmse_over_mean"].as_f64().unwrap();
+                assert!(off <= 1e-4, "{name}: {pair}");
+                own += 1;
+            }
+        }
+        match own {
+            9 => {}
+            fewer => missing("OpenGL or OpenCL", &format!("{fewer} pairs of gathers in {json}")),
+        }
+    }
+}
+
+#[test]
+fn gathers_of_different_things_differ() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = path("gi_ref");
+    let render = |output: &str, more: &[&str]| {
+        let arguments = [&["render", &scene, "--backend", "cpu", "-o", output], &SMALL[..], more].concat();
+        run_with(folder.path(), &[], &arguments).ends(0, &[]);
+    };
+    render("grid.exr", &["--gather", "grid", "--radius", "0.8"]);
+    render("same.exr", &["--gather", "brute", "--radius", "0.8"]);
+    render("seed.exr", &["--gather", "brute", "--radius", "0.8", "--seed", "1"]);
+    render("radius.exr", &["--gather", "brute", "--radius", "0.81"]);
+    // The gathers' bound: 1e-4 of this picture's mean, which is 0.6.
+    let compare = |other: &str| run_with(folder.path(), &[], &["compare", "grid.exr", other, "--max-rmse", "6e-5"]);
+    compare("same.exr").ends(0, &[]);
+    compare("seed.exr").ends(1, &["found RMSE"]);
+    compare("radius.exr").ends(1, &["found RMSE"]);
+}
