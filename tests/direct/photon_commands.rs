@@ -133,3 +133,23 @@ fn gathers_of_different_things_differ() {
     compare("seed.exr").ends(1, &["found RMSE"]);
     compare("radius.exr").ends(1, &["found RMSE"]);
 }
+
+#[test]
+fn render_counts_what_it_uploads() {
+    let uploads = |backend: &str, more: &[&str]| {
+        let arguments = [&["render", GI_REF, "--backend", backend, "--json", "-o", "x.exr"], &SMALL[..], more].concat();
+        let run = run(&arguments);
+        if run.code != 0 {
+            missing(backend, &run.stderr);
+            return None;
+        }
+        Some(run.json()["uploads"].as_u64().expect("a number"))
+    };
+    if let Some(grid) = uploads("opengl", &["--gather", "grid"]) {
+        // Positions, powers and the table of cells at least; hardly more tables than a map has.
+        assert!((3..20).contains(&grid), "{grid}");
+    }
+    // Without photons there is no map, and without OpenGL no texture.
+    assert!(uploads("opengl", &["--light", "direct"]).is_none_or(|direct| direct == 0));
+    assert_eq!(uploads("cpu", &["--gather", "grid"]), Some(0));
+}

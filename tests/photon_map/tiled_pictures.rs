@@ -2,6 +2,7 @@
 //! wide lenses, and from within photons' discs.
 
 use glam::DVec3;
+use photile::change::Stage;
 use photile::features::is_divided;
 use photile::film::Image;
 use photile::pipeline::{Machine, Pipeline};
@@ -148,5 +149,31 @@ fn a_tile_larger_than_the_image_is_as_large_as_it_is_and_takes_no_more_memory() 
         }
         // The account tells other tiles from these.
         assert_ne!(of([1, 1]).1, whole.1, "{lanes:?}");
+    }
+}
+
+#[test]
+fn a_moved_camera_uploads_nothing_where_a_grid_is_gathered() {
+    let _alone = device();
+    for backend in Backend::ALL {
+        let mut pipeline = open(backend, None);
+        let mut scene = scene("gi_ref");
+        let mut settings = small(Method::Grid, [16, 16], None);
+        let first = pipeline.render(&scene, &settings).unwrap();
+        assert_eq!(first.uploads > 0, backend == Backend::OpenGl, "{backend:?}: only OpenGL has tables of its own");
+        scene.camera.position.x += 0.1;
+        let moved = pipeline.render(&scene, &settings).unwrap();
+        assert!(!moved.skipped.contains(&Stage::Trace) && moved.image != first.image, "{backend:?}");
+        assert_eq!(moved.uploads, 0, "{backend:?}");
+        // What does change the map is counted.
+        settings.seed = 1;
+        let other = pipeline.render(&scene, &settings).unwrap();
+        assert_eq!(other.uploads, first.uploads, "{backend:?}");
+        // And so are the tiles of another view.
+        settings.gather.method = Method::Tiles;
+        pipeline.render(&scene, &settings).unwrap();
+        scene.camera.position.x += 0.1;
+        let tiled = pipeline.render(&scene, &settings).unwrap();
+        assert_eq!(tiled.uploads > 0, backend == Backend::OpenGl, "{backend:?}");
     }
 }
