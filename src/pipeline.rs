@@ -9,6 +9,7 @@ use crate::cells::{CellSize, Form};
 use crate::change::{Change, Stage, is_stale};
 use crate::choice::{self, Class, Question};
 use crate::cl;
+use crate::cpu::photons::fruitless;
 use crate::cpu::scene::SceneTables;
 use crate::emission::Emission;
 use crate::error::{Error, Result};
@@ -21,7 +22,9 @@ use crate::layout::Frame;
 use crate::pack::Packed;
 use crate::radius;
 use crate::scene::Scene;
-use crate::settings::{Backend, FinalGather, Gather, GridForm, Lattice, LightMode, Method, Settings, Technique};
+use crate::settings::{
+    Amount, Backend, FinalGather, Gather, GridForm, Lattice, LightMode, Method, Settings, Technique,
+};
 use crate::stage::grid::Wanted;
 use crate::stage::irradiance::{IrradianceStage, IrradianceView};
 use crate::stage::map::{MapCounts, MapStage, MapView};
@@ -291,6 +294,11 @@ impl Pipeline {
         // Without lights or objects, or with direct light only, there is nothing to store.
         let wants_photons =
             settings.light != LightMode::Direct && !scene.lights.is_empty() && features.spheres | features.planes;
+        if let Amount::Stored(wanted) = settings.photons.amount {
+            if settings.light != LightMode::Direct && !wants_photons {
+                return Err(fruitless(wanted, 0, 0));
+            }
+        }
 
         self.make_current()?;
         let last = self.last.take();

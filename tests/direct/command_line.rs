@@ -182,12 +182,18 @@ fn photons_are_not_waited_for_where_none_can_be_stored() {
     };
     scene("dark.toml", 0);
     scene("grey.toml", 1);
+    std::fs::write(
+        folder.path().join("empty.toml"),
+        "[camera]\nposition = [0, 0, 4]\nlook_at = [0, 0, 0]\n\
+         [[lights]]\nposition = [0, 3, 3]\nintensity = [1, 1, 1]\n",
+    )
+    .unwrap();
     let arguments = |scene, backend, light| {
         ["render", scene, "--backend", backend, "--light", light, "--stored", "5", "--size", "16x12", "-o", "out.exr"]
     };
     for backend in ["cpu", "opencl", "opengl"] {
-        // No light; and light that meets nothing a second time.
-        for (scene, light) in [("dark.toml", "photons"), ("grey.toml", "hybrid")] {
+        // No light, nothing at all, and light that meets nothing a second time.
+        for (scene, light) in [("dark.toml", "photons"), ("empty.toml", "photons"), ("grey.toml", "hybrid")] {
             let run = run_with(folder.path(), &[], &arguments(scene, backend, light));
             if run.code == 1 {
                 missing(backend, &run.stderr);
