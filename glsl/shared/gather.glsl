@@ -229,7 +229,9 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
     int held = 0;
 #endif
     // Loops ask at their end whether to go on, wherever they are entered only where there is something: software GLs, which
-    // mask what a lane does not take part in, go once more through a body whose loop asks at its beginning.
+    // mask what a lane does not take part in, go once more through a body whose loop asks at its beginning. After such a
+    // loop only what it sums up may be used: llvmpipe computes the rest anew for lanes that have left, as long as others
+    // stay, from counters that have moved on.
     int w = w_first;
     if (v_first <= v_last && w_first <= w_last) do {
         float w_low = float_of(w) * cell.z;
@@ -240,32 +242,27 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
         float w_left = reach * reach - w_gap * w_gap;
         int v = v_first;
         do {
-            // The next row that the surface passes through, and along it only what the ball's chord reaches.
-            float chord;
-            bool empty;
-            do {
-                float v_low = float_of(v) * cell.y;
-                float v_gap = max(max(v_low - high.y, low.y - (v_low + cell.y)), 0.0f);
+            // Along the row only what the ball's chord reaches, and nothing where the surface does not pass through it.
+            float v_low = float_of(v) * cell.y;
+            float v_gap = max(max(v_low - high.y, low.y - (v_low + cell.y)), 0.0f);
 #ifdef GRID_HASHED
-                bool may_be_empty = !is_endless(v) && !is_endless(w);
-                if (is_endless(v)) v_gap = 0.0f;
+            bool may_be_empty = !is_endless(v) && !is_endless(w);
+            if (is_endless(v)) v_gap = 0.0f;
 #endif
-                chord = sqrt(max(w_left - v_gap * v_gap, 0.0f));
+            float chord = sqrt(max(w_left - v_gap * v_gap, 0.0f));
 #ifdef GRID_HASHED
-                chord = min(chord, along);
+            chord = min(chord, along);
 #endif
-                Float3 row_low = triple(low.x - chord, v_low, w_low) - slack;
-                Float3 row_high = triple(high.x + chord, v_low + cell.y, w_low + cell.z) + slack;
-                empty = may_be_empty && !passes_through(is_sphere, anchor, extent, row_low, row_high);
-                v++;
-            } while (empty && v <= v_last);
+            Float3 row_low = triple(low.x - chord, v_low, w_low) - slack;
+            Float3 row_high = triple(high.x + chord, v_low + cell.y, w_low + cell.z) + slack;
+            bool empty = may_be_empty && !passes_through(is_sphere, anchor, extent, row_low, row_high);
             int u_first = cell_along(low.x - chord, inverse.x);
             int u_last = cell_along(high.x + chord, inverse.x);
 #ifdef GRID_HASHED
             // A row longer than the table would meet its photons twice.
             u_last = min(u_last, u_first + mask);
-            int start = row_start(base, v - 1, w);
-            Row row = row_of(v - 1, w, inverse, flipped);
+            int start = row_start(base, v, w);
+            Row row = row_of(v, w, inverse, flipped);
             // A row that runs over the table's end goes on at its start.
             int u = u_first;
             if (!empty) do {
@@ -276,7 +273,7 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
 #else
             u_first = max(u_first, 0);
             u_last = min(u_last, count_of(counts.x) - 1);
-            int bucket = row_start(count_of(AREA_BASE(face)), v - 1, w, counts) + u_first;
+            int bucket = row_start(count_of(AREA_BASE(face)), v, w, counts) + u_first;
             int length = u_last - u_first + 1;
             if (length > 0 && !empty) {
 #endif
@@ -348,6 +345,7 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
 #else
             }
 #endif
+            v++;
         } while (v <= v_last);
         w++;
     } while (w <= w_last);

@@ -171,42 +171,28 @@ Real visible_part(SCENE_PARAMS Surface surface, Real inverse_radius) {
     Real part = lanes(1.0f);
     int first = SPHERE_COUNT;
     int end = first + PLANE_COUNT;
-    // From one plane that cuts to the next, and from one that cuts as well to the next: arcs are dear, and software GLs do
-    // not skip what no lane asks for, but for another round of a loop.
-    int i = first;
-    do {
-        Chord chord;
-        Bool cuts;
-        do {
-            chord = chord_of(SCENE i, surface, inverse_radius);
-            cuts = chord.distance < 1.0f;
-            i++;
-        } while (!any_lane(cuts) && i < end);
+    for (int i = first; i < end; i++) {
+        Chord chord = chord_of(SCENE i, surface, inverse_radius);
+        Bool cuts = chord.distance < 1.0f;
         if (any_lane(cuts)) {
             // Lanes without a cut work on a distance of 1, where nothing is beyond.
             Real a = pick(cuts, chord.distance, 1.0f);
             part -= beyond_chord(a);
             // What two planes cut off together was taken away twice.
-            int j = first;
-            if (j < i - 1) do {
-                Chord other;
-                Bool both;
-                do {
-                    other = chord_of(SCENE j, surface, inverse_radius);
-                    both = cuts && other.distance < 1.0f;
-                    j++;
-                } while (!any_lane(both) && j < i - 1);
+            for (int j = first; j < i; j++) {
+                Chord other = chord_of(SCENE j, surface, inverse_radius);
+                Bool both = cuts && other.distance < 1.0f;
                 if (any_lane(both)) {
                     Real b = pick(both, other.distance, 1.0f);
                     Real cosine = dot3(chord.towards, other.towards);
                     part += pick(both, beyond_both(a, b, cosine), 0.0f);
                 }
-            } while (j < i - 1);
+            }
         }
-    } while (i < end);
+    }
 #ifdef HAS_FOOTPRINTS
     // What a plane cuts off of a footprint is taken away twice.
-    for (int s = 0; s < first; s++) part -= footprint(SCENE s, surface, inverse_radius);
+    for (int i = 0; i < first; i++) part -= footprint(SCENE i, surface, inverse_radius);
 #endif
     // Three planes that meet in a needle take the same part away thrice; a corner of 1° still keeps 1/360.
     return max(part, lanes(1e-3f));
