@@ -220,22 +220,21 @@ impl Pipeline {
         let mut context = None;
         let (tracer, map, irradiance, class): (Box<dyn Trace>, MapStage, IrradianceStage, Class) = match backend {
             Backend::OpenGl => {
-                let (tracer, is_software) = match current {
+                let (gl, is_software) = match current {
                     Some(current) => {
                         devices.opengl = Some(current.renderer.clone());
-                        (GlTrace::new(&current.gl, current.is_software)?, current.is_software)
+                        (current.gl.clone(), current.is_software)
                     }
                     None => {
                         let headless = Headless::new()?;
                         // A driver may be there and yet draw nothing: then the next backend is tried.
                         gl::probe(&headless)?;
                         devices.opengl = Some(format!("{} ({})", headless.renderer, headless.route));
-                        let (tracer, is_software) =
-                            (GlTrace::new(&headless.gl, headless.is_software)?, headless.is_software);
-                        context = Some(headless);
-                        (tracer, is_software)
+                        let Headless { gl, is_software, .. } = context.insert(headless);
+                        (gl.clone(), *is_software)
                     }
                 };
+                let tracer = GlTrace::new(&gl, is_software)?;
                 let (map, irradiance) = match open_lanes(machine, notice) {
                     Ok(opened) => {
                         devices.name_opencl(&opened);

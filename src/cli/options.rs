@@ -262,6 +262,11 @@ impl RenderOptions {
             KernelArg::Cone => DensityKernel::Cone,
             KernelArg::Biweight => DensityKernel::Biweight,
         });
+        let (cells, form) = match self.grid {
+            Some(GridArg::Cells(counts)) => (Some(counts), GridForm::Auto),
+            Some(GridArg::Form(form)) => (None, form),
+            None => (None, GridForm::Auto),
+        };
         Settings {
             width,
             height,
@@ -281,14 +286,8 @@ impl RenderOptions {
                 kernel: kernel.unwrap_or_default(),
                 radius: self.radius.or(scene.render.radius.map(|r| r as f32)),
                 nearest: self.k,
-                cells: match self.grid {
-                    Some(GridArg::Cells(counts)) => Some(counts),
-                    _ => None,
-                },
-                form: match self.grid {
-                    Some(GridArg::Form(form)) => form,
-                    _ => GridForm::Auto,
-                },
+                cells,
+                form,
                 lattice: None,
                 tile: self.tile.map(|tile| [tile.width, tile.height]),
             },

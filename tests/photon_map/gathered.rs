@@ -3,11 +3,11 @@
 use std::f64::consts::PI;
 
 use glam::{DVec3, Vec3};
-use photile::cells::{CellSize, Form};
+use photile::cells::{CellSize, Form, Plan};
 use photile::cl::{Arg, Buffer, Context};
 use photile::cpu::camera::camera_direction;
 use photile::cpu::gather::{self, photon_radiance};
-use photile::cpu::grid::{face_of, grid};
+use photile::cpu::grid::{GridTables, face_of, grid};
 use photile::cpu::scene::{SceneTables, Surface};
 use photile::features::{Features, Lights};
 use photile::gathering::{DensityKernel, Gathering, Method};
@@ -132,6 +132,11 @@ fn on_gl(
     target.read().iter().map(|[r, g, b, _]| [*r, *g, *b].map(f32::from_bits)).collect()
 }
 
+/// A map as the twin gathers from it by a grid.
+fn in_grid<'a>(map: &'a Map, gathering: &'a Gathering, plan: &'a Plan, grid: &'a GridTables) -> gather::PhotonMap<'a> {
+    gather::PhotonMap { gathering, plan, stored: map.tables(), grid, tiles: None }
+}
+
 fn by_twin(map: &Map, wanted: &Wanted, gathering: Gathering) -> Vec<[f32; 3]> {
     let (packed, features, frame) = (packed(), features(), frame());
     let scene = SceneTables::new(&packed, &features);
@@ -139,8 +144,7 @@ fn by_twin(map: &Map, wanted: &Wanted, gathering: Gathering) -> Vec<[f32; 3]> {
     plan.gather.nearest = wanted.nearest as f32;
     let tables = grid(&map.tables(), &plan);
     let gathering = Gathering { hashed: plan.hashed, ..gathering };
-    let map =
-        gather::PhotonMap { gathering: &gathering, plan: &plan, stored: map.tables(), grid: &tables, tiles: None };
+    let map = in_grid(map, &gathering, &plan, &tables);
     let pixel = |i: usize| {
         let direction = camera_direction(&frame, (i % WIDTH) as f32 + 0.5, (i / WIDTH) as f32 + 0.5);
         let origin = Vec3::from(frame.position);
@@ -227,8 +231,7 @@ fn share_of_truth_in_corners(gathering: Gathering) -> f32 {
     let scene = SceneTables::new(&packed, &features);
     let plan = map.plan(&packed.objects, 0.5, CellSize::Auto, Form::Auto);
     let tables = grid(&map.tables(), &plan);
-    let map =
-        gather::PhotonMap { gathering: &gathering, plan: &plan, stored: map.tables(), grid: &tables, tiles: None };
+    let map = in_grid(&map, &gathering, &plan, &tables);
     let (mut random, queries, mut sum) = (Random::new(15), 400, 0.0);
     for _ in 0..queries {
         let corner = [0, 1, 2].map(|_| if random.uniform(0.0, 1.0) < 0.5 { -1.0 } else { 1.0 });
@@ -349,13 +352,7 @@ fn the_k_nearest_are_those_of_a_sorted_list() {
         for k in [1usize, 2, 10, 50, 256] {
             plan.gather.nearest = k as f32;
             let gathering = Gathering { method: Method::Knn, hashed: plan.hashed, ..Gathering::default() };
-            let seen = gather::PhotonMap {
-                gathering: &gathering,
-                plan: &plan,
-                stored: map.tables(),
-                grid: &tables,
-                tiles: None,
-            };
+            let seen = in_grid(&map, &gathering, &plan, &tables);
             let mut others = 0;
             for surface in &points {
                 let found = f64::from(photon_radiance(&scene, &seen, surface, surface.normal, 0).y);
@@ -436,13 +433,7 @@ fn an_even_sphere_is_as_bright_in_discs_of_every_size() {
             let exponent = if kernel == DensityKernel::Constant { -0.75 } else { -1.25 };
             let tolerance = 2.5 * within.powf(exponent) + 5e-6;
             let gathering = Gathering { kernel, hashed: plan.hashed, ..Gathering::default() };
-            let seen = gather::PhotonMap {
-                gathering: &gathering,
-                plan: &plan,
-                stored: map.tables(),
-                grid: &tables,
-                tiles: None,
-            };
+            let seen = in_grid(&map, &gathering, &plan, &tables);
             let mut random = Random::new(20);
             for number in 0..20 {
                 let normal = Vec3::from(random.direction());
