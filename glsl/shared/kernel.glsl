@@ -27,53 +27,33 @@ Real kernel_shape(Real d2, Real inverse_radius2) {
 #endif
 }
 
-// 2π times the kernel's integral over the part of the disc beyond a chord at distance h, between the chord's foot and
-// the ray from the centre through the chord's point at distance u from the foot; odd in u.
-//
-// In polar coordinates: ∫ g(h/cos ψ) dψ from 0 to atan(u/h), where g(r) = 2π·∫ K r' dr' from r to 1 is 1−r²,
-// (1−r²)², 1−3r²+2r³ and (1−r²)³ for the four kernels; powers of the secant integrate to polynomials in u.
-Real beyond_to(Real h, Real u) {
-    Real angle = arctan2(u, h);
-#if defined(KERNEL_CONSTANT)
-    return angle - h * u;
-#elif defined(KERNEL_CONE)
-    Real r = sqrt(h * h + u * u);
-    // asinh(u/h), odd in u; the bound only keeps h = 0 finite, where the factor h³ wins.
-    Real rise = copysign(log((fabs(u) + r) / max(h, lanes(1e-9f))), u);
-    return angle - 3.0f * h * u + h * u * r + h * h * h * rise;
-#elif defined(KERNEL_BIWEIGHT)
+// 1/h of what those powers integrate to from the foot on; odd in u.
+Real secants_to(Real h, Real u) {
     Real h2 = h * h;
     Real u2 = u * u;
-    return angle - h * u * (3.0f - 3.0f * (h2 + u2 * (1.0f / 3.0f)) + h2 * h2 + u2 * (2.0f / 3.0f * h2 + 0.2f * u2));
+#if defined(KERNEL_CONSTANT)
+    return u;
+#elif defined(KERNEL_CONE)
+    Real r = sqrt(h2 + u2);
+    // asinh(u/h), odd in u; the bound only keeps h = 0 finite, where the factor h² wins.
+    Real rise = copysign(log((fabs(u) + r) / max(h, lanes(1e-9f))), u);
+    return u * (3.0f - r) - h2 * rise;
+#elif defined(KERNEL_BIWEIGHT)
+    return u * (3.0f - 3.0f * (h2 + u2 * (1.0f / 3.0f)) + h2 * h2 + u2 * (2.0f / 3.0f * h2 + 0.2f * u2));
 #else
-    return angle - h * u * (2.0f - h * h - u * u * (1.0f / 3.0f));
+    return u * (2.0f - h2 - u2 * (1.0f / 3.0f));
 #endif
 }
 
-// Half the chord's length.
-Real half_chord(Real h) { return sqrt(max(1.0f - h * h, lanes(0.0f))); }
-
-// The kernel's integral over the part of the unit disc beyond a chord at distance h in [0, 1).
-Real beyond_chord(Real h) { return 2.0f * TWO_PI_INV * beyond_to(h, half_chord(h)); }
-
-// The same over the part that lies beyond both of two chords, whose directions enclose an angle of the given cosine.
-// Exact: the part is split at the ray through the chords' crossing, and each half is bounded by one chord only.
-Real beyond_both(Real a, Real b, Real cosine) {
-    Real sine = sqrt(max(1.0f - cosine * cosine, lanes(0.0f)));
-    // Signed distances of the crossing from each chord's foot, towards the other chord's direction.
-    Real along_a = (b - a * cosine) / max(sine, lanes(1e-6f));
-    Real along_b = (a - b * cosine) / max(sine, lanes(1e-6f));
-    Real crossing = TWO_PI_INV * (beyond_to(a, half_chord(a)) - beyond_to(a, along_a) +
-                                  beyond_to(b, half_chord(b)) - beyond_to(b, along_b));
-    // Chords that do not cross inside the disc: either one part holds the other, or they are disjoint. Nested means
-    // that the nearer chord's part reaches past both ends of the farther one's.
-    Real near_chord = min(a, b);
-    Real far_chord = max(a, b);
-    Bool nested = far_chord * cosine - half_chord(far_chord) * sine >= near_chord;
-    Real apart = pick(nested, beyond_chord(far_chord), 0.0f);
-    return pick(a * a + along_a * along_a < 1.0f, crossing, apart);
+// 2π times the kernel's integral beyond a chord at distance h, over the sector that the centre sees the chord's points
+// from `low` to `high` in, which are distances from the chord's foot.
+//
+// In polar coordinates: ∫ g(h/cos ψ) dψ from atan(low/h) to atan(high/h), where g(r) = 2π·∫ K r' dr' from r to 1 is 1−r²,
+// (1−r²)², 1−3r²+2r³ and (1−r²)³ for the four kernels; powers of the secant integrate to polynomials in tan ψ.
+Real beyond_chord(Real h, Real low, Real high) {
+    Real angle = arctan2(h * (high - low), h * h + low * high);
+    return angle - h * (secants_to(h, high) - secants_to(h, low));
 }
-
 #ifdef HAS_FOOTPRINTS
 // 2π times the kernel's integral from distance r to the rim, along one direction: g of beyond_to.
 Real beyond_radius(Real r) {
@@ -120,24 +100,24 @@ Real footprint(SCENE_PARAMS int i, Surface surface, Real inverse_radius) {
 #endif
 
 #ifdef HAS_CLIP
-// Where a plane cuts the disc around a query point.
-STRUCT(Chord)
-struct Chord {
-    Real distance; // from the point, in radii; 1 or more when the plane does not cut the disc
-    Vec3 towards;  // unit, in the tangent plane, from the point to the chord
+// The line in which a plane cuts the tangent plane around a query point: points p (from the query point, in radii) with
+// dot(normal, p) = beyond.
+STRUCT(Cut)
+struct Cut {
+    Vec3 normal; // the plane's, from the query point towards it
+    Real sine2;  // of its angle with the surface's normal: the line is beyond/√sine2 away
+    Real beyond; // 0 or more
 };
 
 // Object i, a plane, as seen from a point of another surface.
-Chord chord_of(SCENE_PARAMS int i, Surface surface, Real inverse_radius) {
-    Chord chord;
+Cut cut_of(SCENE_PARAMS int i, Surface surface, Real inverse_radius) {
+    Cut cut;
     Vec3 normal = object_anchor_same(i);
     Real beyond = object_extent_same(i) - dot3(normal, surface.position);
-    Real cosine = dot3(normal, surface.normal);
-    Vec3 across = sub3(normal, scale3(surface.normal, cosine));
-    Real sine = sqrt(dot3(across, across));
-    chord.towards = scale3(across, copysign(lanes(1.0f), beyond) / max(sine, lanes(1e-6f)));
-    // Parallel planes divide by zero: infinity or NaN, neither of which is below 1.
-    chord.distance = fabs(beyond) / sine * inverse_radius;
+    Vec3 across = sub3(normal, scale3(surface.normal, dot3(normal, surface.normal)));
+    cut.normal = scale3(normal, copysign(lanes(1.0f), beyond));
+    cut.sine2 = dot3(across, across);
+    cut.beyond = fabs(beyond) * inverse_radius;
 #ifdef HAS_SPHERES
     // On a sphere the plane cuts a circle. Lambert's equal-area map of the sphere around the point keeps areas and
     // chordal distances, hence the kernel; in it the circle is taken as straight at its nearest point.
@@ -157,44 +137,70 @@ Chord chord_of(SCENE_PARAMS int i, Surface surface, Real inverse_radius) {
         // A circle of less than R/20 takes 1/400 of the disc at most, and no chord at all resembles it; a sphere that
         // just touches the plane has one or none by the last bit.
         chordal = pick(circle_sine * radius * inverse_radius > 0.05f, chordal, INFINITE);
-        chord.distance = pick(on_sphere, chordal, chord.distance);
+        cut.beyond = pick(on_sphere, chordal * sqrt(cut.sine2), cut.beyond);
     }
 #endif
-    // The surface's own plane cuts nothing.
-    chord.distance = pick(surface.object == i, INFINITE, chord.distance);
-    return chord;
+    // The surface's own plane cuts nothing, nor does one along it, whose line is nowhere.
+    cut.beyond = pick(surface.object == i || cut.sine2 < 1e-12f, INFINITE, cut.beyond);
+    return cut;
 }
 
-// The kernel's integral over the part of the disc that lies on the query point's side of every plane. Exact on a
-// plane for one chord, for two at any angle, and for opposite pairs; on a sphere the circles are taken as chords.
+Bool crosses_disc(Cut cut) { return cut.beyond * cut.beyond < cut.sine2; }
+
+// The first plane after object i whose line crosses the disc of any lane; the objects' end where there is none.
+int next_cut(SCENE_PARAMS int i, Surface surface, Real inverse_radius) {
+    int end = SPHERE_COUNT + PLANE_COUNT;
+    int next = end;
+    // To the end, wherever it is found: a loop that lanes leave at different rounds may not be asked for more than a sum
+    // (gather.glsl).
+    for (int j = end - 1; j >= SPHERE_COUNT; j--) {
+        Cut cut = cut_of(SCENE j, surface, inverse_radius);
+        if (j > i && any_lane(crosses_disc(cut))) next = j;
+    }
+    return next;
+}
+
+// The kernel's integral over the part of the disc that lies on the query point's side of every plane. That part is
+// bounded by the rim and by pieces of chords, and what lies beyond each piece is seen from the centre in a sector of its
+// own. Exact on a plane, for any number of planes; on a sphere the circles are taken as chords.
 Real visible_part(SCENE_PARAMS Surface surface, Real inverse_radius) {
-    Real part = lanes(1.0f);
+    Real lost = lanes(0.0f);
     int first = SPHERE_COUNT;
     int end = first + PLANE_COUNT;
-    for (int i = first; i < end; i++) {
-        Chord chord = chord_of(SCENE i, surface, inverse_radius);
-        Bool cuts = chord.distance < 1.0f;
-        if (any_lane(cuts)) {
-            // Lanes without a cut work on a distance of 1, where nothing is beyond.
-            Real a = pick(cuts, chord.distance, 1.0f);
-            part -= beyond_chord(a);
-            // What two planes cut off together was taken away twice.
-            for (int j = first; j < i; j++) {
-                Chord other = chord_of(SCENE j, surface, inverse_radius);
-                Bool both = cuts && other.distance < 1.0f;
-                if (any_lane(both)) {
-                    Real b = pick(both, other.distance, 1.0f);
-                    Real cosine = dot3(chord.towards, other.towards);
-                    part += pick(both, beyond_both(a, b, cosine), 0.0f);
-                }
-            }
+    int i = next_cut(SCENE first - 1, surface, inverse_radius);
+    if (i < end) do {
+        Cut cut = cut_of(SCENE i, surface, inverse_radius);
+        // Lanes without a cut work on a distance of 1, where the chord has no length; on the very line, arctan2 needs
+        // one.
+        Real steep = 1.0f / sqrt(max(cut.sine2, lanes(1e-12f)));
+        Real h = pick(crosses_disc(cut), max(cut.beyond * steep, lanes(1e-12f)), 1.0f);
+        Vec3 across = sub3(cut.normal, scale3(surface.normal, dot3(cut.normal, surface.normal)));
+        Vec3 towards = scale3(across, steep);
+        Vec3 along = cross3(surface.normal, towards);
+        // The chord's piece on the query point's side of all others.
+        Real high = sqrt(max(1.0f - h * h, lanes(0.0f)));
+        Real low = -high;
+        for (int j = first; j < end; j++) {
+            if (j == i) continue;
+            Cut other = cut_of(SCENE j, surface, inverse_radius);
+            // Of planes that lie in one another the first counts.
+            Real room = other.beyond - h * dot3(other.normal, towards) + sqrt(other.sine2) * (j < i ? -1e-6f : 1e-6f);
+            // Parallel lines cross far away, on the side that leaves all or nothing.
+            Real slope = dot3(other.normal, along);
+            slope = copysign(max(fabs(slope), lanes(1e-20f)), slope);
+            Real crossing = room / slope;
+            high = pick(slope > 0.0f, min(high, crossing), high);
+            low = pick(slope > 0.0f, low, max(low, crossing));
         }
-    }
+        lost += pick(low < high, beyond_chord(h, low, high), 0.0f);
+        i = next_cut(SCENE i, surface, inverse_radius);
+    } while (i < end);
+    Real part = 1.0f - lost * TWO_PI_INV;
 #ifdef HAS_FOOTPRINTS
     // What a plane cuts off of a footprint is taken away twice.
     for (int i = 0; i < first; i++) part -= footprint(SCENE i, surface, inverse_radius);
 #endif
-    // Three planes that meet in a needle take the same part away thrice; a corner of 1° still keeps 1/360.
+    // In a needle of a degree 1/360 is left.
     return max(part, lanes(1e-3f));
 }
 #endif

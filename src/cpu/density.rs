@@ -26,105 +26,105 @@ pub fn kernel_shape(kernel: DensityKernel, d2: f32, inverse_radius2: f32) -> f32
     }
 }
 
-/// 2π times the kernel's integral beyond a chord at distance `h`, between the chord's foot and its point at distance
-/// `u` from there.
-pub fn beyond_to(kernel: DensityKernel, h: f32, u: f32) -> f32 {
-    let angle = u.atan2(h);
+/// 1/h of the antiderivative, odd in `u`, that `beyond_chord` takes between two points of a chord.
+fn secants_to(kernel: DensityKernel, h: f32, u: f32) -> f32 {
     let (h2, u2) = (h * h, u * u);
     match kernel {
-        DensityKernel::Constant => angle - h * u,
-        DensityKernel::Epanechnikov => angle - h * u * (2.0 - h2 - u2 * (1.0 / 3.0)),
+        DensityKernel::Constant => u,
+        DensityKernel::Epanechnikov => u * (2.0 - h2 - u2 * (1.0 / 3.0)),
         DensityKernel::Cone => {
             let r = (h2 + u2).sqrt();
             let rise = ((u.abs() + r) / h.max(1e-9)).ln().copysign(u);
-            angle - 3.0 * h * u + h * u * r + h * h * h * rise
+            u * (3.0 - r) - h2 * rise
         }
         DensityKernel::Biweight => {
-            angle - h * u * (3.0 - 3.0 * (h2 + u2 * (1.0 / 3.0)) + h2 * h2 + u2 * (2.0 / 3.0 * h2 + 0.2 * u2))
+            u * (3.0 - 3.0 * (h2 + u2 * (1.0 / 3.0)) + h2 * h2 + u2 * (2.0 / 3.0 * h2 + 0.2 * u2))
         }
     }
 }
 
-fn half_chord(h: f32) -> f32 {
-    (1.0 - h * h).max(0.0).sqrt()
+/// 2π times the kernel's integral beyond a chord at distance `h`, over the sector in which the centre sees the chord's
+/// points from `low` to `high`, distances from its foot.
+pub fn beyond_chord(kernel: DensityKernel, h: f32, low: f32, high: f32) -> f32 {
+    let angle = (h * (high - low)).atan2(h * h + low * high);
+    angle - h * (secants_to(kernel, h, high) - secants_to(kernel, h, low))
 }
 
-/// The kernel's integral beyond a chord at distance `h` in [0, 1).
-pub fn beyond_chord(kernel: DensityKernel, h: f32) -> f32 {
-    2.0 / TAU * beyond_to(kernel, h, half_chord(h))
-}
-
-/// The same beyond both of two chords whose directions enclose an angle of the given cosine.
-pub fn beyond_both(kernel: DensityKernel, a: f32, b: f32, cosine: f32) -> f32 {
-    let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
-    let along_a = (b - a * cosine) / sine.max(1e-6);
-    let along_b = (a - b * cosine) / sine.max(1e-6);
-    if a * a + along_a * along_a < 1.0 {
-        let beyond = |h: f32, along: f32| beyond_to(kernel, h, half_chord(h)) - beyond_to(kernel, h, along);
-        return (beyond(a, along_a) + beyond(b, along_b)) / TAU;
-    }
-    let (near_chord, far_chord) = (a.min(b), a.max(b));
-    let nested = far_chord * cosine - half_chord(far_chord) * sine >= near_chord;
-    if nested { beyond_chord(kernel, far_chord) } else { 0.0 }
-}
-
-/// Where a plane cuts the disc around a query point: distance in radii, and the unit direction towards the chord.
+/// The line in which a plane cuts the tangent plane around a query point: points p (from the query point, in radii) with
+/// normal · p = beyond.
 #[derive(Clone, Copy, Debug)]
-pub struct Chord {
-    /// 1 or more (or NaN) when the plane does not cut the disc.
-    pub distance: f32,
-    /// Unit, in the tangent plane.
-    pub towards: Vec3,
+pub struct Cut {
+    /// The plane's, from the query point towards it.
+    pub normal: Vec3,
+    /// Length of the normal's part in the tangent plane: the line is beyond/sine away.
+    pub sine: f32,
+    /// 0 or more.
+    pub beyond: f32,
 }
 
 /// Object `i`, a plane, as seen from a point of another surface.
-pub fn chord_of(scene: &SceneTables, i: usize, surface: &Surface, inverse_radius: f32) -> Chord {
+pub fn cut_of(scene: &SceneTables, i: usize, surface: &Surface, inverse_radius: f32) -> Cut {
     let normal = Vec3::from(scene.objects[i].anchor);
-    let beyond = scene.objects[i].extent - normal.dot(surface.position);
-    let cosine = normal.dot(surface.normal);
-    let across = normal - surface.normal * cosine;
-    let sine = across.dot(across).sqrt();
-    let towards = across * (1f32.copysign(beyond) / sine.max(1e-6));
-    let mut distance = beyond.abs() / sine * inverse_radius;
+    let offset = scene.objects[i].extent - normal.dot(surface.position);
+    let sine = (normal - surface.normal * normal.dot(surface.normal)).length();
+    let mut beyond = offset.abs() * inverse_radius;
     if surface.object < scene.sphere_count {
         // Lambert's equal-area map: chordal distance to the circle that the plane cuts out of the sphere.
         let sphere = &scene.objects[surface.object];
         let outward = (surface.position - Vec3::from(sphere.anchor)) * (1.0 / sphere.extent);
         let point_cosine = normal.dot(outward);
-        let circle_cosine = beyond / sphere.extent + point_cosine;
+        let circle_cosine = offset / sphere.extent + point_cosine;
         let point_sine = (1.0 - point_cosine * point_cosine).max(0.0).sqrt();
         let circle_sine = (1.0 - circle_cosine * circle_cosine).max(0.0).sqrt();
         let (dc, ds) = (point_cosine - circle_cosine, point_sine - circle_sine);
-        distance = (dc * dc + ds * ds).sqrt() * sphere.extent * inverse_radius;
+        beyond = (dc * dc + ds * ds).sqrt() * sphere.extent * inverse_radius * sine;
         // A circle of less than R/20 takes 1/400 of the disc at most; a sphere that just touches the plane has one or
         // none by the last bit.
         let resembles_a_chord = circle_sine * sphere.extent * inverse_radius > 0.05;
         if !resembles_a_chord {
-            distance = f32::INFINITY;
+            beyond = f32::INFINITY;
         }
     }
-    if surface.object == i {
-        distance = f32::INFINITY;
+    // The surface's own plane cuts nothing, nor does one along it, whose line is nowhere.
+    if surface.object == i || sine < 1e-6 {
+        beyond = f32::INFINITY;
     }
-    Chord { distance, towards }
+    Cut { normal: normal * 1f32.copysign(offset), sine, beyond }
+}
+
+/// 2π times the kernel's integral over the part of the disc that cut `i` hides: `cuts` are all that cross the disc, and
+/// `normal` is the tangent plane's.
+pub fn lost_beyond(kernel: DensityKernel, cuts: &[Cut], i: usize, normal: Vec3) -> f32 {
+    let cut = &cuts[i];
+    let h = (cut.beyond / cut.sine).max(1e-12);
+    let towards = (cut.normal - normal * cut.normal.dot(normal)) / cut.sine;
+    let along = normal.cross(towards);
+    // The chord's piece on the query point's side of all others.
+    let mut high = (1.0 - h * h).max(0.0).sqrt();
+    let mut low = -high;
+    for (j, other) in cuts.iter().enumerate().filter(|(j, _)| *j != i) {
+        // Of planes that lie in one another the first counts.
+        let room = other.beyond - h * other.normal.dot(towards) + other.sine * if j < i { -1e-6 } else { 1e-6 };
+        let slope = other.normal.dot(along);
+        let slope = slope.abs().max(1e-20).copysign(slope);
+        let crossing = room / slope;
+        if slope > 0.0 {
+            high = high.min(crossing);
+        } else {
+            low = low.max(crossing);
+        }
+    }
+    if low < high { beyond_chord(kernel, h, low, high) } else { 0.0 }
 }
 
 /// The kernel's integral over the part of the disc on the query point's side of every plane.
 pub fn visible_part(scene: &SceneTables, gathering: &Gathering, surface: &Surface, inverse_radius: f32) -> f32 {
     let kernel = gathering.kernel;
-    let mut part = 1.0f32;
-    for i in scene.sphere_count..scene.objects.len() {
-        let chord = chord_of(scene, i, surface, inverse_radius);
-        if chord.distance < 1.0 {
-            part -= beyond_chord(kernel, chord.distance);
-            for j in scene.sphere_count..i {
-                let other = chord_of(scene, j, surface, inverse_radius);
-                if other.distance < 1.0 {
-                    part += beyond_both(kernel, chord.distance, other.distance, chord.towards.dot(other.towards));
-                }
-            }
-        }
-    }
+    let planes = scene.sphere_count..scene.objects.len();
+    let cuts = planes.map(|i| cut_of(scene, i, surface, inverse_radius)).filter(|cut| cut.beyond < cut.sine);
+    let cuts: Vec<Cut> = cuts.collect();
+    let lost: f32 = (0..cuts.len()).map(|i| lost_beyond(kernel, &cuts, i, surface.normal)).sum();
+    let mut part = 1.0 - lost / TAU;
     for i in (0..scene.sphere_count).filter(|_| gathering.footprints) {
         part -= footprint(scene, i, kernel, surface, inverse_radius);
     }
@@ -174,6 +174,8 @@ pub fn footprint(scene: &SceneTables, i: usize, kernel: DensityKernel, surface: 
 
 #[cfg(test)]
 mod tests {
+    use glam::Quat;
+
     use super::*;
 
     /// Σ of the kernel over the unit disc's points that satisfy `keep`, by the midpoint rule on a square lattice.
@@ -201,19 +203,46 @@ mod tests {
         for kernel in DensityKernel::ALL {
             let whole = integrate(kernel, 1000, |_, _| true);
             assert!((whole - 1.0).abs() < LATTICE, "{kernel:?}: {whole}");
-            // Both halves beyond a chord through the centre: the closed form's own limit.
-            assert!((beyond_chord(kernel, 0.0) - 0.5).abs() < 1e-6, "{kernel:?}");
-            assert!(beyond_chord(kernel, 1.0).abs() < 1e-6, "{kernel:?}");
+            // Half of the disc lies beyond a chord through the centre, and nothing beyond one at the rim.
+            assert!((part_left(kernel, &[(0.0, 0.0)]) - 0.5).abs() < 1e-6, "{kernel:?}");
+            assert!((part_left(kernel, &[(0.0, 0.999_999)]) - 1.0).abs() < 1e-6, "{kernel:?}");
         }
         assert!((integrate(DensityKernel::Cone, 1000, |x, _| x < 0.9) - 1.0).abs() > LATTICE, "a lost rim must show");
+    }
+
+    /// What chords leave of the kernel's integral: each by its direction in degrees and its distance in radii. The tangent
+    /// plane is tilted and the planes lean, so that no axis is spared.
+    fn part_left(kernel: DensityKernel, chords: &[(f64, f64)]) -> f64 {
+        let tilt = Quat::from_axis_angle(Vec3::new(0.6, 0.0, 0.8), 0.7);
+        let cuts: Vec<Cut> = chords
+            .iter()
+            .enumerate()
+            .map(|(number, (degrees, distance))| {
+                let (sine, cosine) = degrees.to_radians().sin_cos();
+                // How much of the plane's normal lies in the tangent plane.
+                let lean = 1.0 - 0.2 * (number % 4) as f32;
+                let across = Vec3::new(cosine as f32, sine as f32, 0.0) * lean;
+                let normal = tilt * (across + Vec3::Z * (1.0 - lean * lean).sqrt());
+                Cut { normal, sine: lean, beyond: *distance as f32 * lean }
+            })
+            .collect();
+        let lost: f32 = (0..cuts.len()).map(|i| lost_beyond(kernel, &cuts, i, tilt * Vec3::Z)).sum();
+        f64::from(1.0 - lost / TAU)
+    }
+
+    /// Whether a point lies on the centre's side of all chords.
+    fn is_left(chords: &[(f64, f64)], x: f64, y: f64) -> bool {
+        chords.iter().all(|(degrees, distance)| {
+            let (sine, cosine) = degrees.to_radians().sin_cos();
+            x * cosine + y * sine <= *distance
+        })
     }
 
     #[test]
     fn one_chord_has_a_closed_form() {
         for kernel in DensityKernel::ALL {
             for h in [0.01, 0.2, 0.5, 0.77, 0.95] {
-                let (closed, numeric) =
-                    (f64::from(beyond_chord(kernel, h as f32)), integrate(kernel, 1000, |x, _| x > h));
+                let (closed, numeric) = (part_left(kernel, &[(0.0, h)]), integrate(kernel, 1000, |x, _| x <= h));
                 assert!((closed - numeric).abs() < LATTICE, "{kernel:?} at {h}: {closed} against {numeric}");
             }
         }
@@ -223,15 +252,42 @@ mod tests {
     fn two_chords_are_exact_at_any_angle() {
         for kernel in DensityKernel::ALL {
             for degrees in [1.0f64, 10.0, 45.0, 90.0, 120.0, 170.0, 180.0] {
-                let (sine, cosine) = degrees.to_radians().sin_cos();
                 for (a, b) in [(0.1, 0.2), (0.5, 0.05), (0.7, 0.7), (0.3, 0.9), (0.0, 0.4), (0.6, 0.6)] {
-                    let closed = f64::from(beyond_both(kernel, a as f32, b as f32, cosine as f32));
-                    let numeric = integrate(kernel, 500, |x, y| x > a && x * cosine + y * sine > b);
+                    let chords = [(20.0, a), (20.0 + degrees, b)];
+                    let closed = part_left(kernel, &chords);
+                    let numeric = integrate(kernel, 500, |x, y| is_left(&chords, x, y));
                     // Twice as coarse a lattice, two edges.
                     let close = (closed - numeric).abs() < 4.0 * LATTICE;
                     assert!(close, "{kernel:?}, {a} and {b} at {degrees}°: {closed} against {numeric}");
                 }
             }
+        }
+    }
+
+    #[test]
+    fn planes_that_lie_in_one_another_count_once() {
+        for kernel in DensityKernel::ALL {
+            for h in [0.0, 0.3, 0.8] {
+                let once = part_left(kernel, &[(77.0, h)]);
+                // Every fourth leans alike.
+                let often = part_left(kernel, &[(77.0, h), (0.0, 2.0), (0.0, 2.0), (0.0, 2.0), (77.0, h)]);
+                assert!((once - often).abs() < 1e-5, "{kernel:?} at {h}: {once} and {often}");
+            }
+        }
+    }
+
+    proptest::proptest! {
+        #![proptest_config(proptest::prelude::ProptestConfig::with_cases(200))]
+        #[test]
+        fn any_number_of_chords_leaves_what_integrating_finds(
+            chords in proptest::collection::vec((0.0f64..360.0, 0.0f64..1.2), 0..8),
+            kernel in 0usize..4,
+        ) {
+            let kernel = DensityKernel::ALL[kernel];
+            let (closed, numeric) = (part_left(kernel, &chords), integrate(kernel, 300, |x, y| is_left(&chords, x, y)));
+            // More than three times as coarse a lattice, and up to eight edges, which mostly cancel.
+            let close = (closed - numeric).abs() < 12.0 * LATTICE;
+            proptest::prop_assert!(close, "{:?}, {:?}: {} against {}", kernel, chords, closed, numeric);
         }
     }
 
@@ -249,13 +305,17 @@ mod tests {
     }
 
     #[test]
-    fn the_product_of_two_chords_would_be_seen_to_be_wrong() {
+    fn products_and_pairs_would_be_seen_to_be_wrong() {
         let kernel = DensityKernel::Epanechnikov;
-        let (a, b) = (0.2f32, 0.3f32);
-        let product = f64::from((1.0 - beyond_chord(kernel, a)) * (1.0 - beyond_chord(kernel, b)));
-        let exact = f64::from(1.0 - beyond_chord(kernel, a) - beyond_chord(kernel, b) + beyond_both(kernel, a, b, 0.0));
-        let numeric = integrate(kernel, 1000, |x, y| x < f64::from(a) && y < f64::from(b));
-        assert!((exact - numeric).abs() < LATTICE);
-        assert!((product - numeric).abs() > 4.0 * LATTICE, "the product is {product}, the truth {numeric}");
+        let left = |chords: &[(f64, f64)]| part_left(kernel, chords);
+        let truth = |chords: &[(f64, f64)]| integrate(kernel, 1000, |x, y| is_left(chords, x, y));
+        let [a, b, c] = [(0.0, 0.2), (90.0, 0.3), (45.0, 0.1)];
+        let product = left(&[a]) * left(&[b]);
+        assert!((left(&[a, b]) - truth(&[a, b])).abs() < LATTICE);
+        assert!((product - truth(&[a, b])).abs() > 4.0 * LATTICE, "the product is {product}");
+        // Of three chords, what each cuts off and what each two cut off together do not tell the whole.
+        let pairs = left(&[a, b]) + left(&[b, c]) + left(&[a, c]) - left(&[a]) - left(&[b]) - left(&[c]);
+        assert!((left(&[a, b, c]) - truth(&[a, b, c])).abs() < LATTICE);
+        assert!((pairs - truth(&[a, b, c])).abs() > 4.0 * LATTICE, "by pairs {pairs}");
     }
 }

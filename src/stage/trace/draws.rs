@@ -61,9 +61,9 @@ impl Draws {
         let Some(Rounds { granted, is_hard }) = rounds else { return Ok(Draws::whole(frame)) };
         let samples = frame.samples as u64;
         let (objects, lights) = ((frame.sphere_count + frame.plane_count) as u64, frame.light_count as u64);
-        // Closest hit, the planes' sides, a shadow ray a light, the clipped disc's planes twice; 32 bits of a Sobol'
-        // number.
-        let mut fixed = objects * (4 + lights) + lights + 64;
+        // Closest hit, the planes' sides, a shadow ray a light, the clipped disc's planes once and twice more for each that
+        // cuts it, of which there are few; 32 bits of a Sobol' number.
+        let mut fixed = objects * (9 + lights) + lights + 64;
         let mut candidates = 0;
         if let Indirect::Final(_, FinalPass { lattice, .. }) = indirect {
             fixed += lattice.rays.max(lattice.own_rays) as u64 * (objects * (2 + lights) + lights + 1);
