@@ -145,8 +145,7 @@ fn assemble_root(
     }
     writeln!(header, "#define TEXTURE_WIDTH_LOG2 {}", options.texture_width_log2).expect("writing to a string");
     writeln!(header, "#define TEXTURE_WIDTH {}", 1u32 << options.texture_width_log2).expect("writing to a string");
-    let mut defines =
-        features.map(|f| f.defines()).unwrap_or_default().into_iter().map(String::from).collect::<Vec<_>>();
+    let mut defines = features.map(Features::defines).unwrap_or_default();
     defines.extend(options.defines.iter().cloned());
     defines.extend(options.contracted.then(|| "CONTRACTED".to_string()));
     for define in &defines {

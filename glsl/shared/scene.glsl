@@ -8,8 +8,11 @@
 #define OBJECT_OF(face) ((face) >> 1)
 #define IS_BEHIND(face) (((face) & 1) != 0)
 
+// Known to the compiler where objects are few (features.rs): it unrolls what loops over them.
+#ifndef SPHERE_COUNT
 #define SPHERE_COUNT count_of(frame_sphere_count())
 #define PLANE_COUNT count_of(frame_plane_count())
+#endif
 #ifdef ONE_LIGHT
 #define LIGHT_COUNT 1
 #else

@@ -50,7 +50,7 @@ struct Table {
 #[derive(Serialize)]
 struct Report {
     scene: String,
-    permutation: Vec<&'static str>,
+    permutation: Vec<String>,
     stages: Vec<Reason>,
     features: Vec<Reason>,
     uploads: Vec<Table>,

@@ -78,6 +78,7 @@ fn features() -> Features {
         ambient: false,
         one_sample: true,
         in_uniforms: true,
+        counts: None,
     }
 }
 

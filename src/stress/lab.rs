@@ -31,6 +31,7 @@ pub fn features(two_sided: bool, in_uniforms: bool) -> Features {
         ambient: false,
         one_sample: true,
         in_uniforms,
+        counts: None,
     }
 }
 

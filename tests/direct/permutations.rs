@@ -25,7 +25,7 @@ fn opencl() -> Option<cl::Context> {
 }
 
 /// The choices of a permutation as small numbers.
-fn choices(features: &Features) -> [u8; 8] {
+fn choices(features: &Features) -> [u8; 9] {
     let lights = match features.lights {
         Lights::None => 0,
         Lights::One => 1,
@@ -39,9 +39,10 @@ fn choices(features: &Features) -> [u8; 8] {
         features.glossy,
         features.ambient,
         features.one_sample,
+        features.counts.is_some(),
     ];
-    let [a, b, c, d, e, f, g] = flags.map(u8::from);
-    [a, b, lights, c, d, e, f, g]
+    let [a, b, c, d, e, f, g, h] = flags.map(u8::from);
+    [a, b, lights, c, d, e, f, g, h]
 }
 
 /// All combinations of `strength` of a permutation's choices: (which, what) each.
@@ -189,7 +190,8 @@ proptest! {
     #[test]
     fn every_scene_has_a_listed_permutation(scene in any_scene(), samples in 1..3u32, light in 0..3usize) {
         let light = [LightMode::Direct, LightMode::Hybrid, LightMode::Photons][light];
-        let features = Features::of(&scene, &Settings { light, ..direct(8, 8, samples) });
+        let mut features = Features::of(&scene, &Settings { light, ..direct(8, 8, samples) });
+        features.counts = features.counts.map(|counts| counts.map(|n| 2 * n.min(1)));
         prop_assert!(Features::reachable().contains(&features), "{features:?}");
     }
 }

@@ -37,6 +37,7 @@ pub fn features() -> Features {
         ambient: false,
         one_sample: true,
         in_uniforms: true,
+        counts: None,
     }
 }
 

@@ -33,6 +33,7 @@ pub const FEATURES: Features = Features {
     ambient: false,
     one_sample: true,
     in_uniforms: true,
+    counts: None,
 };
 
 pub fn packed() -> Packed {

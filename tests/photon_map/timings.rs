@@ -117,6 +117,7 @@ fn timings() {
         ambient: false,
         one_sample: true,
         in_uniforms: true,
+        counts: None,
     };
     let uploaded = upload(&context, &map);
     let mut stored = Some(PhotonMap { directions: None, ..uploaded });

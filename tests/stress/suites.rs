@@ -71,6 +71,7 @@ fn one_lane_compiles_too() {
         ambient: false,
         one_sample: true,
         in_uniforms: false,
+        counts: None,
     };
     let Ok(device) = photile::cl::devices(None).map(|mut devices| devices.remove(0)) else {
         return crate::common::missing("OpenCL", &"no device");
