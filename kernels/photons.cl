@@ -61,22 +61,38 @@ void photons_count(WALK_PARAMS, __global ushort *counts, __global uint *totals) 
     if (get_global_id(0) == 0u) totals[(end_path - first_path + GROUP_PATHS - 1u) / GROUP_PATHS] = 0u;
 }
 
-void store_photon(bool stored, uint slot, Photon photon, Surface surface, MAP_PARAMS) {
-    if (!stored) return;
-    vstore3(surface.position, slot, positions);
-    vstore3(photon.throughput * photon.power, slot, powers);
-    faces[slot] = face_of(surface);
+// Photons that a group gathers in local memory before it writes them. Items walk paths of their own, so that what they
+// store at a time lies far apart, seven floats of a photon each in a transaction of its own: by runs of the whole group it
+// takes a fraction of them.
+#define STAGED PHOTONS_STAGED
+
+// Leaves the photon of a step in tables of any address space.
 #ifdef HAS_GLOSSY
-    vstore3(-photon.direction, slot, directions);
+#define STORE_DIRECTION(slot, directions) vstore3(-photon.direction, slot, directions)
+#else
+#define STORE_DIRECTION(slot, directions)
 #endif
+#define STORE(slot, positions, powers, faces, directions) \
+    vstore3(step.surface.position, slot, positions); \
+    vstore3(photon.throughput * photon.power, slot, powers); \
+    (faces)[slot] = face_of(step.surface); \
+    STORE_DIRECTION(slot, directions)
+
+// Copies a group's floats from local memory, work-items side by side.
+void copy_out(__local const float *from, uint count, __global float *to) {
+    for (uint i = get_local_id(0); i < count; i += GROUP) to[i] = from[i];
 }
 
 // The same walks, which now write, each group from its offset on. Slots from `limit` on are dropped.
 __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1)))
 void photons_store(WALK_PARAMS, __global const ushort *counts, __global const uint *offsets, uint limit, MAP_PARAMS) {
-    __local uint places[GROUP * PHOTONS_RUN]; // of each path's first photon
+    __local uint places[GROUP * PHOTONS_RUN]; // of each path's first photon, from the group's first on
     __local uint sums[GROUP];
     __local uint next;
+    __local float staged_positions[3 * STAGED], staged_powers[3 * STAGED], staged_faces[STAGED];
+#ifdef HAS_GLOSSY
+    __local float staged_directions[3 * STAGED];
+#endif
     uint item = get_local_id(0);
     if (item == 0u) next = GROUP;
     uint first = first_path + GROUP_NUMBER * GROUP_PATHS;
@@ -87,28 +103,43 @@ void photons_store(WALK_PARAMS, __global const ushort *counts, __global const ui
     barrier(CLK_LOCAL_MEM_FENCE);
     uint own = 0u;
     for (uint i = 0u; i < run_length; i++) own += places[item * run_length + i];
-    uint sum = offsets[GROUP_NUMBER] + before_item(own, sums);
+    uint sum = before_item(own, sums);
     for (uint i = 0u; i < run_length; i++) {
         uint count = places[item * run_length + i];
         places[item * run_length + i] = sum;
         sum += count;
     }
     barrier(CLK_LOCAL_MEM_FENCE);
-    uint slot = 0u;
+    uint begin = offsets[GROUP_NUMBER];
+    uint place = 0u;
     Photon photon = no_photon();
     bool alive = false;
     for (uint path = first + item; path < end;) {
         if (!alive) {
             photon = emit_photon(SCENE EMISSION path, stream);
-            slot = places[path - first];
+            place = places[path - first];
         }
         Step step = walk(SCENE photon);
-        store_photon(step.stored && slot < limit, slot, photon, step.surface, MAP);
-        if (step.stored) slot++;
+        if (step.stored) {
+            if (place < STAGED) {
+                STORE(place, staged_positions, staged_powers, staged_faces, staged_directions);
+            } else if (begin + place < limit) {
+                STORE(begin + place, positions, powers, faces, directions);
+            }
+            place++;
+        }
         photon = step.photon;
         alive = step.survives;
         if (!alive) path = first + atomic_inc(&next);
     }
+    barrier(CLK_LOCAL_MEM_FENCE);
+    uint count = min(min(offsets[GROUP_NUMBER + 1u], limit) - min(begin, limit), STAGED);
+    copy_out(staged_positions, 3u * count, positions + 3u * begin);
+    copy_out(staged_powers, 3u * count, powers + 3u * begin);
+    copy_out(staged_faces, count, faces + begin);
+#ifdef HAS_GLOSSY
+    copy_out(staged_directions, 3u * count, directions + 3u * begin);
+#endif
 }
 #else
 // counts[run]: photons that each run of consecutive paths stores, one run a lane.

@@ -77,7 +77,7 @@ impl Photons {
         let is_counted = context.device.lanes == 1;
         let mut defines = scene.defines(emission);
         if is_counted {
-            defines.extend(Counter::defines());
+            defines.extend(Counter::defines(glossy));
         }
         let options = Options { lanes: context.device.lanes, defines, ..Options::default() };
         let source = assemble("photons.cl", Some(features), &options);
