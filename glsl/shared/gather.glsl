@@ -334,12 +334,13 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
 #if defined(GATHER_GROUP)
                 sum = queue_photons(SCENE sum, place, end, CELL_ROW query);
 #elif defined(GATHER_KNN)
-                for (; place < end; place += SLICES) {
+                if (place < end) do {
 #ifdef GATHER_TILES
                     int i = count_of(tile_photon(place));
 #else
                     int i = place;
 #endif
+                    place += SLICES;
                     Vec3 position = photon_position_same(i);
                     float d2 = square3(sub3(position, query.surface.position));
                     if (d2 * inverse_radius2 >= 1.0f) continue;
@@ -374,7 +375,7 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
                         heap_d2[hole] = d2;
                         heap_photon[hole] = i;
                     }
-                }
+                } while (place < end);
 #elif defined(RUNS)
                 run_first[runs] = place;
                 run_end[runs] = end;

@@ -36,8 +36,9 @@ pub struct GlTrace {
     active: Option<Permutation>,
     /// Loop rounds of a fragment.
     rounds: Rounds,
-    /// Whether texels are asked of the sampler rather than fetched by integers; see `shim.glsl`.
-    is_sampled: bool,
+    /// Whether a software rasteriser draws: texels are then asked of the sampler rather than fetched by integers (see
+    /// `shim.glsl`), and loops over few objects unrolled (see [`crate::features::FEW_OBJECTS`]).
+    is_software: bool,
     /// Called between bands of rows.
     pause: Option<Pause>,
     /// All that is wanted, where that is not all.
@@ -67,7 +68,7 @@ impl GlTrace {
             site_programs: HashMap::new(),
             active: None,
             rounds: if is_software { draws::LLVMPIPE } else { draws::GPU },
-            is_sampled: is_software,
+            is_software,
             pause: None,
             rows: Vec::new(),
             missing: Vec::new(),
@@ -92,8 +93,9 @@ impl GlTrace {
 
     /// A fragment shader's text, as this driver reads tables fastest.
     fn source(&self, unit: &str, features: &Features, mut defines: Vec<String>) -> Source {
-        defines.extend(self.is_sampled.then(|| "SAMPLED".into()));
-        assemble(unit, Some(features), &Options { defines, ..Options::default() })
+        defines.extend(self.is_software.then(|| "SAMPLED".into()));
+        let features = Features { counts: features.counts.filter(|_| self.is_software), ..*features };
+        assemble(unit, Some(&features), &Options { defines, ..Options::default() })
     }
 
     /// The program's samplers in the order of their texture units: these, then the scene's where it has any.
