@@ -12,10 +12,8 @@ INLINE Real face_of(Surface surface) { return to_real(face_left(surface)); }
 // What a photon leaves in the map, a table a property.
 #ifdef HAS_GLOSSY
 #define MAP_PARAMS __global float *positions, __global float *powers, __global float *faces, __global float *directions
-#define MAP positions, powers, faces, directions
 #else
 #define MAP_PARAMS __global float *positions, __global float *powers, __global float *faces
-#define MAP positions, powers, faces
 #endif
 
 #if LANES == 1

@@ -27,8 +27,8 @@ Real kernel_shape(Real d2, Real inverse_radius2) {
 #endif
 }
 
-// 1/h of what those powers integrate to from the foot on; odd in u.
-Real secants_to(Real h, Real u) {
+// 1/h of what beyond_chord's powers of the secant integrate to, at distance u from the chord's foot; odd in u.
+INLINE Real secants_to(Real h, Real u) {
     Real h2 = h * h;
     Real u2 = u * u;
 #if defined(KERNEL_CONSTANT)
@@ -50,12 +50,13 @@ Real secants_to(Real h, Real u) {
 //
 // In polar coordinates: ∫ g(h/cos ψ) dψ from atan(low/h) to atan(high/h), where g(r) = 2π·∫ K r' dr' from r to 1 is 1−r²,
 // (1−r²)², 1−3r²+2r³ and (1−r²)³ for the four kernels; powers of the secant integrate to polynomials in tan ψ.
-Real beyond_chord(Real h, Real low, Real high) {
+INLINE Real beyond_chord(Real h, Real low, Real high) {
     Real angle = arctan2(h * (high - low), h * h + low * high);
     return angle - h * (secants_to(h, high) - secants_to(h, low));
 }
+
 #ifdef HAS_FOOTPRINTS
-// 2π times the kernel's integral from distance r to the rim, along one direction: g of beyond_to.
+// 2π times the kernel's integral from distance r to the rim, along one direction: g of beyond_chord.
 Real beyond_radius(Real r) {
     r = min(max(r, lanes(0.0f)), lanes(1.0f));
     Real w = 1.0f - r * r;
@@ -101,23 +102,23 @@ Real footprint(SCENE_PARAMS int i, Surface surface, Real inverse_radius) {
 
 #ifdef HAS_CLIP
 // The line in which a plane cuts the tangent plane around a query point: points p (from the query point, in radii) with
-// dot(normal, p) = beyond.
+// dot(across, p) = beyond.
 STRUCT(Cut)
 struct Cut {
-    Vec3 normal; // the plane's, from the query point towards it
-    Real sine2;  // of its angle with the surface's normal: the line is beyond/√sine2 away
-    Real beyond; // 0 or more
+    Vec3 across; // the part in the tangent plane of the plane's normal, from the query point towards it
+    Real sine2;  // its squared length: the line is beyond/√sine2 away
+    Real beyond; // more than 0, so that arctan2 has an angle on the very line
 };
 
 // Object i, a plane, as seen from a point of another surface.
-Cut cut_of(SCENE_PARAMS int i, Surface surface, Real inverse_radius) {
+INLINE Cut cut_of(SCENE_PARAMS int i, Surface surface, Real inverse_radius) {
     Cut cut;
     Vec3 normal = object_anchor_same(i);
-    Real beyond = object_extent_same(i) - dot3(normal, surface.position);
+    Real offset = object_extent_same(i) - dot3(normal, surface.position);
     Vec3 across = sub3(normal, scale3(surface.normal, dot3(normal, surface.normal)));
-    cut.normal = scale3(normal, copysign(lanes(1.0f), beyond));
+    cut.across = scale3(across, copysign(lanes(1.0f), offset));
     cut.sine2 = dot3(across, across);
-    cut.beyond = fabs(beyond) * inverse_radius;
+    cut.beyond = fabs(offset) * inverse_radius;
 #ifdef HAS_SPHERES
     // On a sphere the plane cuts a circle. Lambert's equal-area map of the sphere around the point keeps areas and
     // chordal distances, hence the kernel; in it the circle is taken as straight at its nearest point.
@@ -127,7 +128,7 @@ Cut cut_of(SCENE_PARAMS int i, Surface surface, Real inverse_radius) {
         Vec3 center = object_anchor(pick_i(on_sphere, surface.object, 0));
         Vec3 outward = scale3(sub3(surface.position, center), 1.0f / radius);
         Real point_cosine = dot3(normal, outward);
-        Real circle_cosine = beyond / radius + point_cosine;
+        Real circle_cosine = offset / radius + point_cosine;
         Real point_sine = sqrt(max(1.0f - point_cosine * point_cosine, lanes(0.0f)));
         Real circle_sine = sqrt(max(1.0f - circle_cosine * circle_cosine, lanes(0.0f)));
         // 2(1 − cos(A − B)), written without cancellation: the squared distance of two points of a unit circle.
@@ -141,14 +142,14 @@ Cut cut_of(SCENE_PARAMS int i, Surface surface, Real inverse_radius) {
     }
 #endif
     // The surface's own plane cuts nothing, nor does one along it, whose line is nowhere.
-    cut.beyond = pick(surface.object == i || cut.sine2 < 1e-12f, INFINITE, cut.beyond);
+    cut.beyond = pick(surface.object == i || cut.sine2 < 1e-12f, INFINITE, max(cut.beyond, lanes(1e-12f)));
     return cut;
 }
 
 Bool crosses_disc(Cut cut) { return cut.beyond * cut.beyond < cut.sine2; }
 
 // The first plane after object i whose line crosses the disc of any lane; the objects' end where there is none.
-int next_cut(SCENE_PARAMS int i, Surface surface, Real inverse_radius) {
+INLINE int next_cut(SCENE_PARAMS int i, Surface surface, Real inverse_radius) {
     int end = SPHERE_COUNT + PLANE_COUNT;
     int next = end;
     // To the end, wherever it is found: a loop that lanes leave at different rounds may not be asked for more than a sum
@@ -170,12 +171,10 @@ Real visible_part(SCENE_PARAMS Surface surface, Real inverse_radius) {
     int i = next_cut(SCENE first - 1, surface, inverse_radius);
     if (i < end) do {
         Cut cut = cut_of(SCENE i, surface, inverse_radius);
-        // Lanes without a cut work on a distance of 1, where the chord has no length; on the very line, arctan2 needs
-        // one.
+        // Lanes without a cut work on a distance of 1, where the chord has no length.
         Real steep = 1.0f / sqrt(max(cut.sine2, lanes(1e-12f)));
-        Real h = pick(crosses_disc(cut), max(cut.beyond * steep, lanes(1e-12f)), 1.0f);
-        Vec3 across = sub3(cut.normal, scale3(surface.normal, dot3(cut.normal, surface.normal)));
-        Vec3 towards = scale3(across, steep);
+        Real h = pick(crosses_disc(cut), cut.beyond * steep, 1.0f);
+        Vec3 towards = scale3(cut.across, steep);
         Vec3 along = cross3(surface.normal, towards);
         // The chord's piece on the query point's side of all others.
         Real high = sqrt(max(1.0f - h * h, lanes(0.0f)));
@@ -183,10 +182,12 @@ Real visible_part(SCENE_PARAMS Surface surface, Real inverse_radius) {
         for (int j = first; j < end; j++) {
             if (j == i) continue;
             Cut other = cut_of(SCENE j, surface, inverse_radius);
-            // Of planes that lie in one another the first counts.
-            Real room = other.beyond - h * dot3(other.normal, towards) + sqrt(other.sine2) * (j < i ? -1e-6f : 1e-6f);
+            Real room = other.beyond - h * dot3(other.across, towards);
+            Real slope = dot3(other.across, along);
+            // Of lines that lie in one another, by all that rounding leaves of them, the first counts.
+            Real tie = sqrt(other.sine2) * (j < i ? -1e-4f : 1e-4f);
+            room += pick(slope * slope < 1e-10f * other.sine2, tie, 0.0f);
             // Parallel lines cross far away, on the side that leaves all or nothing.
-            Real slope = dot3(other.normal, along);
             slope = copysign(max(fabs(slope), lanes(1e-20f)), slope);
             Real crossing = room / slope;
             high = pick(slope > 0.0f, min(high, crossing), high);
@@ -200,7 +201,7 @@ Real visible_part(SCENE_PARAMS Surface surface, Real inverse_radius) {
     // What a plane cuts off of a footprint is taken away twice.
     for (int i = 0; i < first; i++) part -= footprint(SCENE i, surface, inverse_radius);
 #endif
-    // In a needle of a degree 1/360 is left.
+    // Rounding may leave nothing; a needle of a degree still keeps 1/360.
     return max(part, lanes(1e-3f));
 }
 #endif

@@ -2,7 +2,7 @@
 
 use photile::change::Stage::{self, Compile, Grid, Photons, Textures, Tiles, Trace, Upload};
 use photile::features::Features;
-use photile::scene::Scene;
+use photile::scene::{Scene, Sphere};
 use photile::settings::{Amount, LightMode, Settings};
 
 use crate::common::{backends, direct, open, scene, shipped};
@@ -26,6 +26,7 @@ const CASES: &[Case] = &[
     ("samples", |_, settings| settings.samples = 1, &[Upload]),
     ("second light", |scene, _| scene.lights.push(scene.lights[0].clone()), &[]),
     ("ambient", |scene, _| scene.materials[0].ambient = 0.1, &[]),
+    ("another sphere", |scene, _| scene.spheres.push(Sphere { radius: 0.4, ..scene.spheres[0].clone() }), &[]),
     ("no spheres", |scene, _| scene.spheres.clear(), &[]),
     ("no lights", |scene, _| scene.lights.clear(), &[]),
 ];

@@ -51,7 +51,8 @@ fn every_gathering_compiles_in_opengl() {
         if number % 2 == 1 {
             defines.push("SLICED".into());
         }
-        let features = photile::features::Features { glossy: number % 3 > 0, ..features() };
+        let counts = (number % 4 < 2).then_some([2, 3]);
+        let features = photile::features::Features { glossy: number % 3 > 0, counts, ..features() };
         let source = assemble("trace.frag", Some(&features), &Options { defines, ..Options::default() });
         Program::new(&headless.gl, &source).unwrap_or_else(|error| panic!("{gathering:?}: {error}"));
     }
@@ -65,7 +66,8 @@ fn every_two_choices_of_gathering_compile_in_opencl() {
     for (number, gathering) in chosen.iter().enumerate() {
         // One lane's vocabulary differs in the shim alone, which the kernels of other tests compile as well.
         let lanes = gathering.lanes(if number % 4 == 0 { 1 } else { context.device.lanes });
-        let features = photile::features::Features { glossy: number % 3 == 0, ..features() };
+        let counts = (number % 8 < 4).then_some([2, 3]);
+        let features = photile::features::Features { glossy: number % 3 == 0, counts, ..features() };
         let mut defines = gathering.defines();
         // As on a GPU, wherever that compiles.
         defines.extend(gathering.is_grouped(lanes, true).then(Gathering::group_defines).into_iter().flatten());

@@ -61,9 +61,10 @@ impl Draws {
         let Some(Rounds { granted, is_hard }) = rounds else { return Ok(Draws::whole(frame)) };
         let samples = frame.samples as u64;
         let (objects, lights) = ((frame.sphere_count + frame.plane_count) as u64, frame.light_count as u64);
-        // Closest hit, the planes' sides, a shadow ray a light, the clipped disc's planes once and twice more for each that
-        // cuts it, of which there are few; 32 bits of a Sobol' number.
-        let mut fixed = objects * (9 + lights) + lights + 64;
+        let planes = frame.plane_count as u64;
+        // Closest hit, the planes' sides, a shadow ray a light; the clipped disc's planes once, and twice more for each of six
+        // that cut it; 32 bits of a Sobol' number.
+        let mut fixed = objects * (3 + lights) + lights + 2 * planes * planes.min(6) + 64;
         let mut candidates = 0;
         if let Indirect::Final(_, FinalPass { lattice, .. }) = indirect {
             fixed += lattice.rays.max(lattice.own_rays) as u64 * (objects * (2 + lights) + lights + 1);
@@ -167,7 +168,7 @@ mod tests {
         for rounds in [LLVMPIPE, GPU] {
             for candidates in [0, 100, 10_000, 59_000, 1_000_000, 16_000_000] {
                 let draws = draws(rounds, 16.0, Method::Grid, candidates).unwrap();
-                let fixed = 8 * 5 + 1 + 64 + 8 * 17;
+                let fixed = 8 * 4 + 1 + 2 * 6 * 6 + 64 + 8 * 17;
                 let a_draw = draws.samples * (fixed + (candidates + candidates / 256).div_ceil(draws.slices));
                 assert!(a_draw <= rounds.granted, "{candidates}: {draws:?} takes {a_draw}");
                 assert_eq!(draws.is_whole(&frame(16.0)), candidates <= 10_000 && (rounds == GPU || candidates <= 100));

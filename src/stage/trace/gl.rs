@@ -94,8 +94,7 @@ impl GlTrace {
     /// A fragment shader's text, as this driver reads tables fastest.
     fn source(&self, unit: &str, features: &Features, mut defines: Vec<String>) -> Source {
         defines.extend(self.is_software.then(|| "SAMPLED".into()));
-        let features = Features { counts: features.counts.filter(|_| self.is_software), ..*features };
-        assemble(unit, Some(&features), &Options { defines, ..Options::default() })
+        assemble(unit, Some(features), &Options { defines, ..Options::default() })
     }
 
     /// The program's samplers in the order of their texture units: these, then the scene's where it has any.
@@ -138,6 +137,8 @@ impl GlTrace {
 
 impl Trace for GlTrace {
     fn compile(&mut self, permutation: &Permutation) -> Result<()> {
+        let counts = permutation.features.counts.filter(|_| self.is_software);
+        let permutation = &Permutation { features: Features { counts, ..permutation.features }, ..*permutation };
         self.program(permutation, false)?;
         if permutation.final_gather == Some(true) && !self.site_programs.contains_key(&permutation.features) {
             let source = self.source("sites.frag", &permutation.features, Vec::new());
