@@ -39,11 +39,7 @@ Gathered queue_photons(SCENE_PARAMS Gathered sum, int first, int end, CELL_ROW_P
     while (first < end) {
         int taken = min(end - first, QUEUE_LENGTH - sum.queued);
         for (int n = item; n < taken; n += GROUP_SIZE) {
-#ifdef GATHER_TILES
-            int i = count_of(tile_photon(first + n));
-#else
-            int i = first + n;
-#endif
+            int i = PHOTON_AT(first + n);
             float3 position = photon_position_same(i);
 #ifdef GRID_HASHED
             // Another row's: where no query is.

@@ -125,6 +125,7 @@ Gathered add_photon(SCENE_PARAMS Gathered sum, int i, Real weight, Vec3 position
 #define AREA_INVERSE_CELL(i) region_inverse_cell_scalar(i)
 #define AREA_OBJECT(i) (count_of(region_face_scalar(i)) / 2)
 #define AREA_BY_ROWS 0.0f
+#define PHOTON_AT(place) count_of(tile_photon(place))
 #else
 #define AREA_FLIPPED(i) face_flipped_scalar(i)
 #define AREA_ORIGIN(i) face_origin_scalar(i)
@@ -135,6 +136,7 @@ Gathered add_photon(SCENE_PARAMS Gathered sum, int i, Real weight, Vec3 position
 #define AREA_INVERSE_CELL(i) gather_inverse_cell_scalar()
 #define AREA_OBJECT(i) ((i) / 2)
 #define AREA_BY_ROWS gather_by_rows()
+#define PHOTON_AT(place) (place)
 #endif
 
 #ifdef GATHER_GROUP
@@ -163,11 +165,7 @@ INLINE Gathered weigh_run(SCENE_PARAMS Gathered sum, int place, int end, CELL_RO
         Gathered part = nothing_gathered();
         int stop = min(end, place + SUM_BLOCK * SLICES);
         do {
-#ifdef GATHER_TILES
-            int i = count_of(tile_photon(place));
-#else
-            int i = place;
-#endif
+            int i = PHOTON_AT(place);
             place += SLICES;
             Vec3 position = photon_position_same(i);
             Vec3 away = sub3(position, query.surface.position);
@@ -335,11 +333,7 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
                 sum = queue_photons(SCENE sum, place, end, CELL_ROW query);
 #elif defined(GATHER_KNN)
                 if (place < end) do {
-#ifdef GATHER_TILES
-                    int i = count_of(tile_photon(place));
-#else
-                    int i = place;
-#endif
+                    int i = PHOTON_AT(place);
                     place += SLICES;
                     Vec3 position = photon_position_same(i);
                     float d2 = square3(sub3(position, query.surface.position));

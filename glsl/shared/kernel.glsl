@@ -141,7 +141,8 @@ INLINE Cut cut_of(SCENE_PARAMS int i, Surface surface, Real inverse_radius) {
         cut.beyond = pick(on_sphere, chordal * sqrt(cut.sine2), cut.beyond);
     }
 #endif
-    // The surface's own plane cuts nothing, nor does one along it, whose line is nowhere.
+    // The surface's own plane cuts nothing, nor does one along it, whose line is nowhere. (Around a sphere's pole it cuts a
+    // circle, which no line resembles.)
     cut.beyond = pick(surface.object == i || cut.sine2 < 1e-12f, INFINITE, max(cut.beyond, lanes(1e-12f)));
     return cut;
 }

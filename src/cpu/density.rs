@@ -86,7 +86,8 @@ pub fn cut_of(scene: &SceneTables, i: usize, surface: &Surface, inverse_radius: 
             beyond = f32::INFINITY;
         }
     }
-    // The surface's own plane cuts nothing, nor does one along it, whose line is nowhere.
+    // The surface's own plane cuts nothing, nor does one along it, whose line is nowhere. (Around a sphere's pole it cuts a
+    // circle, which no line resembles.)
     if surface.object == i || sine < 1e-6 {
         beyond = f32::INFINITY;
     }
@@ -181,7 +182,7 @@ mod tests {
     use glam::{DQuat, DVec3};
 
     use super::*;
-    use crate::features::{Features, Lights};
+    use crate::features::Features;
     use crate::layout::{Object, PLANE};
     use crate::pack::Packed;
 
@@ -237,19 +238,7 @@ mod tests {
         });
         let objects = [own].into_iter().chain(others).collect();
         let packed = Packed { origin: DVec3::ZERO, objects, sphere_count: 0, lights: Vec::new(), glasses: Vec::new() };
-        let features = Features {
-            spheres: false,
-            planes: true,
-            lights: Lights::None,
-            sphere_shadows: false,
-            plane_shadows: false,
-            two_sided: true,
-            glossy: false,
-            ambient: false,
-            one_sample: true,
-            in_uniforms: true,
-            counts: None,
-        };
+        let features = Features::reachable()[0]; // any: clipping asks for none
         let scene = SceneTables::new(&packed, &features);
         let normal = (tilt * DVec3::Z).as_vec3();
         let surface = Surface { position: position.as_vec3(), normal, object: 0, side: 1.0 };
