@@ -1,5 +1,7 @@
 //! Which OpenCL devices there are, and in which order they are tried.
 
+use std::sync::{Mutex, PoisonError};
+
 use opencl3::device::{CL_DEVICE_TYPE_ALL, CL_DEVICE_TYPE_CPU, CL_DEVICE_TYPE_GPU, Device as ClDevice};
 use opencl3::platform::get_platforms;
 
@@ -37,6 +39,10 @@ unsafe impl Sync for Device {}
 /// # Errors
 /// [`Error::Driver`] when there is no OpenCL or no device; [`Error::Usage`] when none is `wanted`.
 pub fn devices(wanted: Option<&str>) -> Result<Vec<Device>> {
+    // PoCL makes its devices when it is first asked, and hands them to other threads that ask meanwhile half made, without a
+    // name: reading that crashed.
+    static ASKING: Mutex<()> = Mutex::new(());
+    let _alone = ASKING.lock().unwrap_or_else(PoisonError::into_inner);
     let platforms = get_platforms().map_err(|_| Error::Driver(MISSING.into()))?;
     let mut found = Vec::new();
     for platform in &platforms {

@@ -1,5 +1,6 @@
 //! What is redone after a change, and that the picture follows it.
 
+use glam::DVec3;
 use photile::change::Stage::{self, Compile, Grid, Photons, Textures, Tiles, Trace, Upload};
 use photile::features::Features;
 use photile::scene::{Scene, Sphere};
@@ -26,7 +27,11 @@ const CASES: &[Case] = &[
     ("samples", |_, settings| settings.samples = 1, &[Upload]),
     ("second light", |scene, _| scene.lights.push(scene.lights[0].clone()), &[]),
     ("ambient", |scene, _| scene.materials[0].ambient = 0.1, &[]),
-    ("another sphere", |scene, _| scene.spheres.push(Sphere { radius: 0.4, ..scene.spheres[0].clone() }), &[]),
+    (
+        "third sphere",
+        |scene, _| scene.spheres.push(Sphere { center: DVec3::new(-0.5, 0.5, -8.0), ..scene.spheres[0] }),
+        &[],
+    ),
     ("no spheres", |scene, _| scene.spheres.clear(), &[]),
     ("no lights", |scene, _| scene.lights.clear(), &[]),
 ];
