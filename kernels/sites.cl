@@ -3,7 +3,7 @@
 #define HAS_CHARTS
 #define HAS_FINAL_GATHER
 #include "shim.cl"
-#include "incoherent.cl"
+#include "divergent_fetch.cl"
 #include "layout"
 #include "shared/vector.glsl"
 #include "shared/random.glsl"

@@ -1,7 +1,7 @@
 // Runs one of the stress suites' bodies (shared/stress.glsl) for each lane and stores its eight words.
 #include "shim.cl"
 #ifdef STRESS_LEAKS
-#include "incoherent.cl"
+#include "divergent_fetch.cl"
 #define RECORDS_cases (FEW_RECORDS + 1) // always more than a few
 #endif
 #include "layout"

@@ -7,10 +7,10 @@ use std::process::{Command, Stdio};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use common::{backends, golden, scene_path, shipped};
+use photile::film::metrics::Within;
 use photile::film::{Accumulator, Image};
-use photile::metrics::Within;
 use photile::pipeline::Pipeline;
-use photile::progressive::{Progressive, bound_90};
+use photile::pipeline::progressive::{Progressive, bound_90};
 use photile::settings::{Amount, FinalGather, Settings, Technique};
 
 /// PoCL and llvmpipe do not bear two threads of one process.
@@ -50,8 +50,8 @@ fn half_golden(name: &str) -> Image {
 }
 
 fn rel_mse(image: &Image, reference: &Image) -> f64 {
-    let settings = photile::metrics::Settings::default();
-    photile::metrics::measure(image, reference, &settings).unwrap().rel_mse
+    let settings = photile::film::metrics::Settings::default();
+    photile::film::metrics::measure(image, reference, &settings).unwrap().rel_mse
 }
 
 #[test]

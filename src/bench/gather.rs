@@ -4,24 +4,24 @@ use glam::Vec3;
 
 use super::table::{Table, Value};
 use super::{Measured, Options, Progress, Steps};
-use crate::cells::{self, CELLS_PER_RADIUS, CELLS_PER_RADIUS_ALONE, CellSize, Form};
-use crate::choice;
 use crate::cpu;
-use crate::cpu::camera::camera_direction;
 use crate::cpu::gather::{PhotonMap, for_each_candidate, for_each_listed, near};
 use crate::cpu::photons::{PhotonTables, photons};
-use crate::cpu::scene::SceneTables;
-use crate::emission::{self, Emission};
 use crate::error::{Error, Result};
-use crate::features::{Features, is_divided};
-use crate::gathering::Gathering;
-use crate::layout::Frame;
-use crate::pack::Packed;
-use crate::radius;
+use crate::plan::cells::{self, CELLS_PER_RADIUS, CELLS_PER_RADIUS_ALONE, CellSize, Form};
+use crate::plan::choice;
+use crate::plan::photon_sample::Sample;
+use crate::plan::radius;
+use crate::plan::tiling;
+use crate::program::features::{Features, is_divided};
+use crate::program::gathering::Gathering;
+use crate::rays::camera::camera_direction;
+use crate::rays::emission::{self, Emission};
+use crate::rays::scene::SceneTables;
+use crate::records::Frame;
+use crate::records::packing::Packed;
 use crate::scene::Scene;
 use crate::settings::{Amount, Method, Sampler, Settings};
-use crate::stage::map::Sample;
-use crate::tiling;
 
 /// Cells along a radius, the same along rows as across them; and what backends take whose queries walk together or alone.
 const CELLS: [CellSize; 6] = [

@@ -6,20 +6,20 @@ use serde::Serialize;
 
 use super::options::RenderOptions;
 use super::print_json;
-use crate::choice::{self, Class, Estimate, Question};
-use crate::count::{Beginning, wants_photons};
-use crate::cpu::scene::SceneTables;
-use crate::emission::Plan;
+use crate::device::memory;
 use crate::error::{Error, Result};
-use crate::features::{Features, Reason};
-use crate::layout::{Frame, Glass, Light, Object, Record, Shape, TEXEL, TEXTURE_WIDTH_LOG2};
-use crate::memory;
-use crate::pack::Packed;
 use crate::pipeline::class_of;
-use crate::radius;
+use crate::pipeline::path_count::{Beginning, wants_photons};
+use crate::plan::choice::{self, Class, Estimate, Question};
+use crate::plan::radius;
+use crate::program::features::{Features, Reason};
+use crate::program::source::{Options, assemble, units};
+use crate::rays::emission::Plan;
+use crate::rays::scene::SceneTables;
+use crate::records::packing::Packed;
+use crate::records::{Frame, Glass, Light, Object, Record, Shape, TEXEL, TEXTURE_WIDTH_LOG2};
 use crate::scene::Scene;
 use crate::settings::{Amount, Backend, LightMode, Settings};
-use crate::source::{Options, assemble, units};
 
 /// Show which stages and features a scene needs, what is skipped and why
 #[derive(clap::Args)]

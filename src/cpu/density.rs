@@ -4,8 +4,8 @@ use std::f32::consts::{FRAC_1_PI, TAU};
 
 use glam::Vec3;
 
-use super::scene::{SceneTables, Surface};
-use crate::gathering::{DensityKernel, Gathering};
+use crate::program::gathering::{DensityKernel, Gathering};
+use crate::rays::scene::{SceneTables, Surface};
 
 /// K(0) for R = 1.
 pub fn kernel_peak(kernel: DensityKernel) -> f32 {
@@ -182,9 +182,9 @@ mod tests {
     use glam::{DQuat, DVec3};
 
     use super::*;
-    use crate::features::Features;
-    use crate::layout::{Object, PLANE};
-    use crate::pack::Packed;
+    use crate::program::features::Features;
+    use crate::records::packing::Packed;
+    use crate::records::{Object, PLANE};
 
     /// Σ of the kernel over the unit disc's points that satisfy `keep`, by the midpoint rule on a square lattice.
     fn integrate(kernel: DensityKernel, steps: i32, keep: impl Fn(f64, f64) -> bool) -> f64 {

@@ -5,17 +5,14 @@ use std::f32::consts::{FRAC_1_PI, PI};
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::camera::camera_direction;
-use super::intersect::INFINITE;
-use super::random::{hash_u, hash2_u, sequence_u};
-use super::scene::{SceneTables, Surface};
+use super::direct::{Incident, incident_light};
 use super::texels::texel_of;
-use super::trace::{Incident, incident_light};
-use super::walk::sample_cosine;
-use crate::layout::{Chart, Frame, LitPoint, Site, SiteLattice, SiteSurface, Texel};
-
-/// Steps of Roberts' R₂ sequence in 32-bit fixed point.
-pub const R2_STEPS: [u32; 2] = [3_242_174_889, 2_447_445_414];
+use crate::rays::camera::camera_direction;
+use crate::rays::intersect::INFINITE;
+use crate::rays::random::{R2_STEPS, hash_u, hash2_u, sequence_u};
+use crate::rays::scene::{SceneTables, Surface};
+use crate::rays::walk::sample_cosine;
+use crate::records::{Chart, Frame, LitPoint, Site, SiteLattice, SiteSurface, Texel};
 
 /// What final gathering reads.
 #[derive(Clone, Copy)]
@@ -160,7 +157,7 @@ const LEAST_WEIGHT: f32 = 0.02;
 
 /// Distance from a point to the nearest surface but its own.
 fn clearance(scene: &SceneTables, surface: &Surface) -> f32 {
-    let distance = |(i, object): (usize, &crate::layout::Object)| {
+    let distance = |(i, object): (usize, &crate::records::Object)| {
         let anchor = Vec3::from(object.anchor);
         if i == surface.object {
             INFINITE

@@ -4,17 +4,17 @@ use std::f32::consts::FRAC_1_PI;
 
 use glam::Vec3;
 
-use super::bsdf::ggx;
 use super::density::{kernel_peak, kernel_shape, visible_part};
 use super::grid::{
     GridTables, PhotonTables, cell_along, cell_axes, cells_of, dense_row, face_of, grid_axes, hashed_row, is_endless,
 };
-use super::scene::{SceneTables, Surface};
 use super::tiles::{TileTables, find_region, scatters};
-use crate::cells::Plan;
-use crate::gathering::{Gathering, Method};
-use crate::layout::{Gather, Region};
-use crate::tiling;
+use crate::plan::cells::Plan;
+use crate::plan::tiling;
+use crate::program::gathering::{Gathering, Method};
+use crate::rays::bsdf::ggx;
+use crate::rays::scene::{SceneTables, Surface};
+use crate::records::{Gather, Region};
 
 /// A photon map as a picture sees it.
 #[derive(Clone, Copy)]

@@ -1,7 +1,7 @@
 //! Twin of `kernels/grid.cl`, `kernels/sort.cl` and `glsl/shared/cell.glsl`: photons sorted into cells.
 
-use crate::cells::{Bounds, Plan};
-use crate::layout::{Face, Gather, PhotonDirection, PhotonPosition, PhotonPower};
+use crate::plan::cells::{Bounds, Plan};
+use crate::records::{Face, Gather, PhotonDirection, PhotonPosition, PhotonPower};
 
 /// A photon map as it was stored, in path order.
 #[derive(Clone, Copy, Debug, Default)]

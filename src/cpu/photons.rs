@@ -3,12 +3,12 @@
 use rayon::prelude::*;
 
 use super::grid::PhotonSurface;
-use super::random::hash2_u;
-use super::scene::{SceneTables, Surface};
-use super::walk::{Photon, emit_photon, scatter};
-use crate::emission::{Amount, Emission, Plan};
 use crate::error::{Error, Result};
-use crate::layout::{Emitter, PhotonDirection, PhotonPosition, PhotonPower};
+use crate::rays::emission::{Amount, Emission, Plan};
+use crate::rays::random::hash2_u;
+use crate::rays::scene::{SceneTables, Surface};
+use crate::rays::walk::{Photon, emit_photon, scatter};
+use crate::records::{Emitter, PhotonDirection, PhotonPosition, PhotonPower};
 
 /// A photon map in path order, then bounce order, a table a property.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -6,12 +6,12 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::photons::{stream_of, walk_photons};
-use super::random::unit_real;
-use super::scene::{SceneTables, Surface};
-use super::walk::number_u;
-use crate::charts::{Charts, Window};
-use crate::emission::{Emission, Plan, Quanta};
-use crate::layout::{Chart, Texel};
+use crate::plan::charts::{Charts, Window};
+use crate::rays::emission::{Emission, Plan, Quanta};
+use crate::rays::random::unit_real;
+use crate::rays::scene::{SceneTables, Surface};
+use crate::rays::walk::number_u;
+use crate::records::{Chart, Texel};
 
 /// Octahedral coordinates of a unit vector, in [−1, 1]².
 pub fn octahedral(n: Vec3) -> (f32, f32) {

@@ -5,12 +5,12 @@ use std::collections::BTreeMap;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::camera::sample_direction;
 use super::grid::{PhotonTables, cell_along, face_of, grid_axes};
-use super::scene::SceneTables;
-use crate::cells::Bounds;
-use crate::layout::{Frame, Gather, Object, Region};
-use crate::tiling::{Plan, Seen, tiles_of};
+use crate::plan::cells::Bounds;
+use crate::plan::tiling::{Plan, Seen, tiles_of};
+use crate::rays::camera::sample_direction;
+use crate::rays::scene::SceneTables;
+use crate::records::{Frame, Gather, Object, Region};
 
 /// The tiles' lists.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -137,7 +137,7 @@ pub fn tiles(photons: &PhotonTables, plan: &Plan, frame: &Frame) -> crate::error
         let p = Vec3::from(position.position);
         enter(plan, frame, p, face_of(surface), |_, region| pairs.push((cell_of(p, region), i as u32)));
     }
-    crate::tiling::check_pairs(pairs.len() as u64, plan)?;
+    crate::plan::tiling::check_pairs(pairs.len() as u64, plan)?;
     pairs.sort_by_key(|(cell, _)| *cell);
     let mut cell_starts = Vec::with_capacity(plan.cells + 1);
     for (place, (cell, _)) in pairs.iter().enumerate() {

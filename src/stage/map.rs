@@ -1,5 +1,6 @@
 //! The photon map: emission and grid, on an OpenCL device or by the twins on the CPU.
 
+use crate::plan::photon_sample::Sample;
 use std::rc::Rc;
 
 use super::grid::{Grid, GridStage, Wanted};
@@ -7,17 +8,17 @@ use super::photon_map::{PhotonMap, Photons as StoredPhotons, first};
 use super::photons::Photons;
 use super::scan::Scan;
 use super::tiles::{TileStage, Tiles};
-use crate::cells::{self, crowd};
-use crate::cl::Context;
 use crate::cpu;
 use crate::cpu::grid::face_of;
-use crate::emission::{self, Emission};
+use crate::device::cl::Context;
 use crate::error::{Error, Result};
-use crate::features::Features;
-use crate::layout::{Frame, PhotonPosition};
-use crate::pack::Packed;
+use crate::plan::cells::{self, photon_density};
+use crate::plan::tiling;
+use crate::program::features::Features;
+use crate::rays::emission::{self, Emission};
+use crate::records::Frame;
+use crate::records::packing::Packed;
 use crate::settings::Method;
-use crate::tiling;
 
 /// Makes photon maps on one machine and holds the last one.
 pub enum MapStage {
@@ -89,14 +90,6 @@ pub struct MapCounts {
     pub stored: u64,
 }
 
-/// The first photons of a map, from which the rest is judged.
-pub struct Sample {
-    /// Where.
-    pub positions: Vec<PhotonPosition>,
-    /// On what: 2·object + (0 | 1).
-    pub faces: Vec<u32>,
-}
-
 impl MapStage {
     /// On an open device.
     ///
@@ -165,7 +158,7 @@ impl MapStage {
             }
             MapStage::Host(map) => {
                 let Some((packed, features, plan)) = &map.scene else { return Err(no_scene()) };
-                let scene = cpu::scene::SceneTables::new(packed, features);
+                let scene = crate::rays::scene::SceneTables::new(packed, features);
                 map.stored = map.pool.install(|| cpu::photons::photons(&scene, plan, emission))?;
                 Ok(MapCounts { emitted: map.stored.emitted.into(), stored: map.stored.len() as u64 })
             }
@@ -249,7 +242,7 @@ impl MapStage {
                 let Wanted { radius, size, form, nearest } = *wanted;
                 let faces = stored.surfaces.iter().map(|surface| cpu::grid::face_of(surface) as u32);
                 let count = map.stored.len();
-                let crowd = || Ok(crowd::crowd(stored.positions, faces, count, radius));
+                let crowd = || Ok(photon_density::crowd(stored.positions, faces, count, radius));
                 map.plan = cells::plan_by_crowd(&packed.objects, &bounds, count, radius, (size, form), crowd)?;
                 map.plan.gather.nearest = nearest as f32;
                 map.grid = cpu::grid::grid(&map.stored.view(), &map.plan);
@@ -278,7 +271,7 @@ impl MapStage {
             }
             MapStage::Host(map) => {
                 let Some((packed, ..)) = &map.scene else { return Err(no_scene()) };
-                let scene = cpu::scene::SceneTables::new(packed, features);
+                let scene = crate::rays::scene::SceneTables::new(packed, features);
                 let seen = map.pool.install(|| cpu::tiles::tiles_seen(&scene, frame, wanted.tile));
                 let plan = tiling::plan(&packed.objects, frame, seen, map.stored.len(), wanted)?;
                 let tables = cpu::tiles::tiles(&map.stored.view(), &plan, frame)?;

@@ -3,11 +3,11 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use crate::cl::{Arg, Buffer, Context, Kernel};
-use crate::emission::{COLUMNS_LOG2, Emission, PART_BITS, Plan, ROWS_LOG2, Sampler};
+use crate::device::cl::{Arg, Buffer, Context, Kernel};
 use crate::error::Result;
-use crate::layout::{Emitter, Frame, Light, Object};
-use crate::pack::Packed;
+use crate::rays::emission::{COLUMNS_LOG2, Emission, PART_BITS, Plan, ROWS_LOG2, Sampler};
+use crate::records::packing::Packed;
+use crate::records::{Emitter, Frame, Light, Object};
 
 /// A scene's lights and objects on the device.
 pub struct Paths {

@@ -3,15 +3,15 @@
 use std::ops::Range;
 use std::rc::Rc;
 
-use crate::cl::{self, Buffer};
+use crate::device::cl::{self, Buffer};
+use crate::device::gl::{Headless, Program, TableTexture, Target};
 use crate::error::{Error, Result};
-use crate::features::{Features, Lights};
-use crate::gl::{Headless, Program, TableTexture, Target};
-use crate::layout::{Frame, Object, Record, TEXTURE_WIDTH_LOG2};
-use crate::pack::Packed;
 use crate::pipeline::open_device;
+use crate::program::features::{Features, Lights};
+use crate::program::source::{Options, assemble};
+use crate::records::packing::Packed;
+use crate::records::{Frame, Object, Record, TEXTURE_WIDTH_LOG2};
 use crate::settings::Backend;
-use crate::source::{Options, assemble};
 
 use super::Fault;
 

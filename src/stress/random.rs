@@ -7,10 +7,10 @@ use rayon::prelude::*;
 use super::lab::{Answer, Task};
 use super::{Bench, Fault, Found, Row, Spread, Suite};
 use crate::cpu::photons::stream_of;
-use crate::cpu::random::{R4_STEPS, hash_u, hash2_u, owen_scramble, sequence_u, sobol_second, unit_real};
-use crate::cpu::walk::{number_u, sample_sphere};
 use crate::error::Result;
-use crate::pack::Packed;
+use crate::rays::random::{R4_STEPS, hash_u, hash2_u, owen_scramble, sequence_u, sobol_second, unit_real};
+use crate::rays::walk::{number_u, sample_sphere};
+use crate::records::packing::Packed;
 use crate::settings::Backend;
 
 /// What the twins make of two counters.

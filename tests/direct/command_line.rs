@@ -221,7 +221,7 @@ fn a_folder_that_cannot_be_written_to_is_refused_at_once() {
 
 #[test]
 fn an_unknown_device_is_refused_with_those_that_are_there() {
-    if let Err(error) = photile::cl::devices(None) {
+    if let Err(error) = photile::device::cl::devices(None) {
         return missing("OpenCL", &error);
     }
     for backend in [&["--backend", "opencl"][..], &[]] {

@@ -3,18 +3,18 @@
 use std::f64::consts::PI;
 
 use glam::{DVec3, Vec3};
-use photile::cells::{CellSize, Form, Plan};
-use photile::cl::{Arg, Buffer, Context};
-use photile::cpu::camera::camera_direction;
 use photile::cpu::gather::{self, photon_radiance};
 use photile::cpu::grid::{GridTables, face_of, grid};
-use photile::cpu::scene::{SceneTables, Surface};
-use photile::features::{Features, Lights};
-use photile::gathering::{DensityKernel, Gathering, Method};
-use photile::gl::{Headless, Program, Target};
-use photile::layout::{Frame, Object, SPHERE};
-use photile::pack::Packed;
-use photile::source::{Options, assemble};
+use photile::device::cl::{Arg, Buffer, Context};
+use photile::device::gl::{Headless, Program, Target};
+use photile::plan::cells::{CellSize, Form, Plan};
+use photile::program::features::{Features, Lights};
+use photile::program::gathering::{DensityKernel, Gathering, Method};
+use photile::program::source::{Options, assemble};
+use photile::rays::camera::camera_direction;
+use photile::rays::scene::{SceneTables, Surface};
+use photile::records::packing::Packed;
+use photile::records::{Frame, Object, SPHERE};
 use photile::stage::grid::{Grid, GridStage, Wanted};
 use photile::stage::photon_map::PhotonMap;
 use photile::stage::photon_textures::PhotonTextures;

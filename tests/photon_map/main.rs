@@ -15,12 +15,12 @@ mod timings;
 use std::ops::Deref;
 use std::sync::{Mutex, MutexGuard};
 
-use photile::cells::{CellSize, Form, Plan, plan};
-use photile::cl::{Context, devices};
 use photile::cpu::grid::{PhotonSurface, PhotonTables, face_of, grid_bounds};
-use photile::cpu::random::{hash2_u, unit_real};
-use photile::layout::{Object, PLANE, PhotonDirection, PhotonPosition, PhotonPower, SPHERE};
+use photile::device::cl::{Context, devices};
 use photile::pipeline::open_device;
+use photile::plan::cells::{CellSize, Form, Plan, plan};
+use photile::rays::random::{hash2_u, unit_real};
+use photile::records::{Object, PLANE, PhotonDirection, PhotonPosition, PhotonPower, SPHERE};
 use photile::stage::photon_map::PhotonMap;
 
 /// A stream of uniform reals, the same everywhere.

@@ -1,11 +1,11 @@
 //! No query misses a photon or counts one twice, whatever collides.
 
 use glam::Vec3;
-use photile::cells::{CellSize, Form, Plan};
 use photile::cpu::gather::{PhotonMap, near};
 use photile::cpu::grid::{GridTables, cells_of, face_of, grid, hashed_row};
-use photile::gathering::Gathering;
-use photile::layout::PhotonPosition;
+use photile::plan::cells::{CellSize, Form, Plan};
+use photile::program::gathering::Gathering;
+use photile::records::PhotonPosition;
 
 use super::{Map, Random, room, room_photons, surface_point};
 

@@ -1,19 +1,19 @@
 //! Grid against tiles, on request: `cargo test --release --test photon_map tile_timings -- --ignored --nocapture`.
 
 use glam::Vec3;
-use photile::cells::{CellSize, Form, plan};
-use photile::cpu::camera::camera_direction;
 use photile::cpu::gather::{PhotonMap, for_each_candidate, for_each_listed, near};
 use photile::cpu::grid::{grid, grid_bounds};
-use photile::cpu::scene::SceneTables;
 use photile::cpu::tiles::{find_region, tile_at, tiles, tiles_seen};
-use photile::emission::{self, Emission};
-use photile::features::Features;
-use photile::gathering::{Gathering, Method};
-use photile::pack::Packed;
 use photile::pipeline::{Machine, Pipeline};
+use photile::plan::cells::{CellSize, Form, plan};
+use photile::plan::tiling;
+use photile::program::features::Features;
+use photile::program::gathering::{Gathering, Method};
+use photile::rays::camera::camera_direction;
+use photile::rays::emission::{self, Emission};
+use photile::rays::scene::SceneTables;
+use photile::records::packing::Packed;
 use photile::settings::{Amount, Backend, Gather, Photons, Sampler, Settings};
-use photile::tiling;
 
 use super::device;
 use super::tiles::scene;

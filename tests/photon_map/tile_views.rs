@@ -5,13 +5,13 @@ use std::cell::Cell;
 use std::collections::BTreeSet;
 
 use glam::Vec3;
-use photile::cpu::camera::sample_direction;
-use photile::cpu::scene::SceneTables;
 use photile::cpu::tiles::{enter, tile_at, tiles, tiles_seen};
-use photile::features::Features;
-use photile::layout::Frame;
+use photile::plan::tiling::{self, Plan, Wanted};
+use photile::program::features::Features;
+use photile::rays::camera::sample_direction;
+use photile::rays::scene::SceneTables;
+use photile::records::Frame;
 use photile::stage::tiles::TileStage;
-use photile::tiling::{self, Plan, Wanted};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
 
@@ -167,7 +167,7 @@ fn a_photon_larger_than_the_screen_enters_every_tile_that_sees_its_surface() {
     let view = frame(Vec3::new(0.0, 1.0, 0.0), Vec3::new(-0.3, -1.0, 0.1), 40.0, 1);
     let [found, truth] = entered(&view, &wanted(20.0), Vec3::new(0.0, -2.0, 0.0), FLOOR);
     let plan = plan_of(&view, 1, &wanted(20.0));
-    let sees = |tile: &photile::layout::Tile| {
+    let sees = |tile: &photile::records::Tile| {
         let first = tile.first as usize;
         plan.regions[first..first + tile.count as usize].iter().any(|region| region.face as usize == FLOOR)
     };

@@ -1,24 +1,24 @@
 //! Screen-space tiles: nothing that brute force accepts is missing, device against twin, pictures against the grid's.
 
 use glam::{DVec3, Vec3};
-use photile::change::Stage;
-use photile::choice::Class;
-use photile::cpu::camera::sample_direction;
 use photile::cpu::gather::{PhotonMap, near};
 use photile::cpu::grid::{GridTables, face_of};
-use photile::cpu::scene::SceneTables;
 use photile::cpu::tiles::{find_region, slopes, tile_at, tiles, tiles_seen};
-use photile::features::{Features, Lights};
+use photile::device::gl::{Current, Headless};
 use photile::film::Image;
-use photile::gathering::{Gathering, Method};
-use photile::gl::{Current, Headless};
-use photile::layout::Frame;
-use photile::pack::Packed;
+use photile::pipeline::change::Stage;
 use photile::pipeline::{Machine, Pipeline};
+use photile::plan::choice::Class;
+use photile::plan::tiling::{self, Wanted, plan};
+use photile::program::features::{Features, Lights};
+use photile::program::gathering::{Gathering, Method};
+use photile::rays::camera::sample_direction;
+use photile::rays::scene::SceneTables;
+use photile::records::Frame;
+use photile::records::packing::Packed;
 use photile::scene::{Scene, load};
 use photile::settings::{Amount, Backend, Gather, Settings};
 use photile::stage::tiles::TileStage;
-use photile::tiling::{self, Wanted, plan};
 
 use super::{Device, Map, ROOM_SPHERES, Random, device, like_a_gpu, room, room_photons, upload};
 
@@ -79,7 +79,7 @@ pub fn missing(map: &Map, frame: &Frame, wanted: &Wanted, queried: f32) -> [usiz
     let tables = tiles(&map.tables(), &plan, frame).unwrap();
     plan.gather.radius = queried;
     plan.gather.inverse_radius = 1.0 / queried;
-    let cells = photile::cells::Plan { hashed: false, cells: 0, faces: Vec::new(), gather: plan.gather };
+    let cells = photile::plan::cells::Plan { hashed: false, cells: 0, faces: Vec::new(), gather: plan.gather };
     let grid = GridTables::default();
     let by = |method| Gathering { method, ..Gathering::default() };
     let (tiled, brute) = (by(Method::Tiles), by(Method::Brute));

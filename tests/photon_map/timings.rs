@@ -3,14 +3,14 @@
 use std::time::Instant;
 
 use glam::{DVec3, Vec3};
-use photile::cells::CellSize;
-use photile::cl::{Arg, Buffer};
-use photile::features::{Features, Lights};
-use photile::gathering::Gathering;
-use photile::gl::{Headless, Program, Target};
-use photile::layout::{Frame, Object, PLANE};
-use photile::pack::Packed;
-use photile::source::{Options, assemble};
+use photile::device::cl::{Arg, Buffer};
+use photile::device::gl::{Headless, Program, Target};
+use photile::plan::cells::CellSize;
+use photile::program::features::{Features, Lights};
+use photile::program::gathering::Gathering;
+use photile::program::source::{Options, assemble};
+use photile::records::packing::Packed;
+use photile::records::{Frame, Object, PLANE};
 use photile::stage::grid::{GridStage, Wanted};
 use photile::stage::photon_map::PhotonMap;
 use photile::stage::photon_textures::PhotonTextures;

@@ -3,13 +3,13 @@
 use std::rc::Rc;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use photile::cl::{Buffer, Context, devices};
 use photile::cpu::grid::{PhotonSurface, face_of};
 use photile::cpu::photons::PhotonTables;
 use photile::cpu::scan::exclusive_scan;
-use photile::emission::{Amount, CELL_BITS, Emission, PART_BITS, Plan, Sampler};
+use photile::device::cl::{Buffer, Context, devices};
 use photile::error::Error;
-use photile::layout::{PhotonDirection, PhotonPosition, PhotonPower};
+use photile::rays::emission::{Amount, CELL_BITS, Emission, PART_BITS, Plan, Sampler};
+use photile::records::{PhotonDirection, PhotonPosition, PhotonPower};
 use photile::stage::photon_map::{PhotonMap, first};
 use photile::stage::photons::Photons;
 use photile::stage::scan::Scan;

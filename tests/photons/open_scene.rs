@@ -1,15 +1,15 @@
 //! Open scenes: no path where nothing can be hit, and `--stored`.
 
-use photile::cells::{self, CellSize, Form};
-use photile::cpu::camera::camera_direction;
 use photile::cpu::gather::{PhotonMap, photon_radiance};
 use photile::cpu::grid::{grid, grid_bounds};
 use photile::cpu::photons::PhotonTables;
-use photile::cpu::scene::SceneTables;
-use photile::emission::{Amount, CELLS, Emission, Plan, entry};
 use photile::error::Result;
-use photile::gathering::Gathering;
-use photile::pack::Packed;
+use photile::plan::cells::{self, CellSize, Form};
+use photile::program::gathering::Gathering;
+use photile::rays::camera::camera_direction;
+use photile::rays::emission::{Amount, CELLS, Emission, Plan, entry};
+use photile::rays::scene::SceneTables;
+use photile::records::packing::Packed;
 use photile::settings::Settings;
 
 use crate::{Case, grey_box, paths};

@@ -1,11 +1,11 @@
 //! From which side rays meet objects: mostly known beforehand, asked only where it must be.
 
 use glam::{DVec3, Vec3};
-use photile::cpu::random::{hash_u, hash2_u};
-use photile::cpu::scene::SceneTables;
-use photile::cpu::walk::{sample_cosine, sample_sphere};
-use photile::features::Features;
-use photile::pack::Packed;
+use photile::program::features::Features;
+use photile::rays::random::{hash_u, hash2_u};
+use photile::rays::scene::SceneTables;
+use photile::rays::walk::{sample_cosine, sample_sphere};
+use photile::records::packing::Packed;
 use photile::scene::{Scene, Sphere};
 use photile::settings::{Amount, Settings};
 

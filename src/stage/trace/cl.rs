@@ -4,14 +4,14 @@ use std::rc::Rc;
 
 use super::draws::{self, Draws, Query};
 use super::{Indirect, Pause, Permutation, Trace, check_count, out_of_order};
-use crate::cl::{Arg, Buffer, Context, Kernel};
+use crate::device::cl::{Arg, Buffer, Context, Kernel};
+use crate::device::submissions;
 use crate::error::Result;
 use crate::film::Image;
-use crate::gathering::Gathering;
-use crate::layout::{Frame, Gather, Light, LitPoint, Object, Site, SiteLattice, SiteSurface};
-use crate::pace;
-use crate::pack::Packed;
-use crate::source::{Options, assemble};
+use crate::program::gathering::Gathering;
+use crate::program::source::{Options, assemble};
+use crate::records::packing::Packed;
+use crate::records::{Frame, Gather, Light, LitPoint, Object, Site, SiteLattice, SiteSurface};
 use crate::stage::irradiance::IrradianceView;
 use crate::stage::map::MapView;
 
@@ -109,7 +109,7 @@ impl ClTrace {
             }
             _ => None,
         };
-        let rounds = pace::cuts_all(self.context.device.is_gpu).then_some(draws::GPU);
+        let rounds = submissions::cuts_all(self.context.device.is_gpu).then_some(draws::GPU);
         Draws::within(rounds, frame, indirect, query)
     }
 }
@@ -227,7 +227,7 @@ impl Trace for ClTrace {
             |kernel: &Kernel, mut args: Vec<Arg>, frame: &Frame, film: &Buffer<[f32; 3]>| -> Result<Vec<[u32; 2]>> {
                 kernel.pace.expect(f64::from(width) * draws::work(frame, &indirect, gather.as_ref()));
                 // What is not cut goes on from a row to the next.
-                let stride = if kernel.pace.fits(blocks[1]) { 1 } else { pace::stride(bands as usize) };
+                let stride = if kernel.pace.fits(blocks[1]) { 1 } else { submissions::stride(bands as usize) };
                 let numbers = [width, height, bands, stride as u32].map(|n| Arg::Int(n as i32));
                 args.push(Arg::from(film));
                 args.extend(numbers);

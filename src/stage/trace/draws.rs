@@ -3,8 +3,8 @@
 
 use super::Indirect;
 use crate::error::{Error, Result};
-use crate::lattice::FinalPass;
-use crate::layout::{Frame, Gather, SiteLattice};
+use crate::plan::site_lattice::FinalPass;
+use crate::records::{Frame, Gather, SiteLattice};
 use crate::settings::Method;
 
 /// Loop rounds that a work-item may take.

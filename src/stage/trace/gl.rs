@@ -6,15 +6,15 @@ use std::rc::Rc;
 use super::draws::{self, Draws, Query, Rounds};
 use super::gl_final::FinalTextures;
 use super::{Indirect, Pause, Permutation, Trace, check_count, out_of_order};
+use crate::device::gl::{Functions, Program, TableTexture, Target};
 use crate::error::Result;
-use crate::features::Features;
 use crate::film::Image;
-use crate::gathering::Gathering;
-use crate::gl::{Functions, Program, TableTexture, Target};
-use crate::lattice::FinalPass;
-use crate::layout::{Frame, Light, Object, Record, TEXTURE_WIDTH_LOG2};
-use crate::pack::Packed;
-use crate::source::{Options, Source, assemble};
+use crate::plan::site_lattice::FinalPass;
+use crate::program::features::Features;
+use crate::program::gathering::Gathering;
+use crate::program::source::{Options, Source, assemble};
+use crate::records::packing::Packed;
+use crate::records::{Frame, Light, Object, Record, TEXTURE_WIDTH_LOG2};
 use crate::stage::irradiance::IrradianceView;
 use crate::stage::map::MapView;
 use crate::stage::photon_textures::PhotonTextures;
@@ -37,7 +37,7 @@ pub struct GlTrace {
     /// Loop rounds of a fragment.
     rounds: Rounds,
     /// Whether a software rasteriser draws: texels are then asked of the sampler rather than fetched by integers (see
-    /// `shim.glsl`), and loops over few objects unrolled (see [`crate::features::FEW_OBJECTS`]).
+    /// `shim.glsl`), and loops over few objects unrolled (see [`crate::program::features::FEW_OBJECTS`]).
     is_software: bool,
     /// Called between bands of rows.
     pause: Option<Pause>,
@@ -262,7 +262,7 @@ impl Trace for GlTrace {
         Image::from_pixels(*width, *height, pixels)
     }
 
-    fn texture(&self) -> Option<crate::gl::Texture> {
+    fn texture(&self) -> Option<crate::device::gl::Texture> {
         self.target.as_ref().map(|(_, _, target)| target.texture())
     }
 

@@ -2,14 +2,14 @@
 
 use glam::Vec3;
 
-use super::super::Fault;
-use super::super::lab::{Answer, features};
 use super::{Case, RAYS, SEED};
-use crate::cpu::camera::normalize3;
-use crate::cpu::intersect::{INFINITE, Sides, hit_sphere};
-use crate::cpu::random::{hash_u, hash2_u, unit_real};
-use crate::cpu::scene::{Hit, SceneTables, Surface};
-use crate::cpu::walk::{sample_cosine, sample_sphere};
+use crate::rays::camera::normalize3;
+use crate::rays::intersect::{INFINITE, Sides, hit_sphere};
+use crate::rays::random::{hash_u, hash2_u, unit_real};
+use crate::rays::scene::{Hit, SceneTables, Surface};
+use crate::rays::walk::{sample_cosine, sample_sphere};
+use crate::stress::Fault;
+use crate::stress::lab::{Answer, features};
 
 /// Rays of one item.
 pub(super) fn walk(case: &Case, item: u32, fault: Option<Fault>) -> Answer {
