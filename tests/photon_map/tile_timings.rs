@@ -1,4 +1,4 @@
-//! Grid against tiles, on request: `cargo test --release --test photon_map tile_timings -- --ignored --nocapture`.
+//! Grid against tiles, on request: `cargo test --release --test all photon_map::tile_timings -- --ignored --nocapture`.
 
 use glam::Vec3;
 use photile::cells::{CellSize, Form, plan};

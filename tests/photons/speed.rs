@@ -1,4 +1,4 @@
-//! Paths per second, on demand: `cargo test --release --test photons -- --ignored --nocapture`.
+//! Paths per second, on demand: `cargo test --release --test all photons::speed -- --ignored --nocapture`.
 
 use std::rc::Rc;
 use std::time::Instant;
