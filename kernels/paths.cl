@@ -2,11 +2,12 @@
 // consecutive paths, one after the other: when one ends, the next begins in the same lane, so that lanes never wait
 // for the longest path among them.
 #include "shim.cl"
-#include "incoherent.cl"
+#include "divergent_fetch.cl"
 #include "layout"
 #include "shared/vector.glsl"
 #include "shared/random.glsl"
-#include "shared/intersect.glsl"
+#include "shared/surface.glsl"
+#include "shapes"
 #include "shared/scene.glsl"
 #include "shared/bsdf.glsl"
 #include "shared/sampling.glsl"

@@ -20,7 +20,7 @@ INLINE Real face_of(Surface surface) { return to_real(face_left(surface)); }
 // A work-group walks consecutive paths, run_length for each of its work-items, and whoever has walked one to its end takes
 // the next that nobody has: few wait for the longest of them. What a path stores, and where, depends on its number only.
 #define GROUP PHOTONS_GROUP
-#include "before.cl"
+#include "group_scan.cl"
 #define GROUP_NUMBER ((uint)get_global_id(0) / GROUP) // a launch may be cut: group numbers begin anew in each piece
 #define GROUP_PATHS (GROUP * run_length)
 

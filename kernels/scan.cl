@@ -5,7 +5,7 @@
 // plain loop, and barriers, which CPU drivers pay for dearly, never happen.
 #define TILE (GROUP * PER_ITEM)
 #if GROUP > 1
-#include "before.cl"
+#include "group_scan.cl"
 #endif
 
 // Each tile of `values` becomes its own exclusive scan; totals[tile] gets its sum, modulo 2³².

@@ -3,12 +3,13 @@
 #define HAS_CHARTS
 #define HAS_FINAL_GATHER
 #include "shim.cl"
-#include "incoherent.cl"
+#include "divergent_fetch.cl"
 #include "layout"
 #include "shared/vector.glsl"
 #include "shared/random.glsl"
 #include "shared/camera.glsl"
-#include "shared/intersect.glsl"
+#include "shared/surface.glsl"
+#include "shapes"
 #include "shared/scene.glsl"
 #include "shared/bsdf.glsl"
 #include "shared/direct.glsl"

@@ -42,7 +42,7 @@ __kernel void sort_scatter(__global const uint *keys, __global const uint *value
 #define HALF_BITS (DIGIT_BITS / 2)
 #define HALVES (1 << HALF_BITS)
 #define NO_KEY 0xffffffffu
-#include "before.cl"
+#include "group_scan.cl"
 
 __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1)))
 void sort_count(__global const uint *keys, __global uint *counts, int count, int per_item, int shift, int groups) {

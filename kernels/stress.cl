@@ -1,7 +1,7 @@
 // Runs one of the stress suites' bodies (shared/stress.glsl) for each lane and stores its eight words.
 #include "shim.cl"
 #ifdef STRESS_LEAKS
-#include "incoherent.cl"
+#include "divergent_fetch.cl"
 #define RECORDS_cases (FEW_RECORDS + 1) // always more than a few
 #endif
 #include "layout"
@@ -11,7 +11,8 @@
 #endif
 #include "shared/vector.glsl"
 #include "shared/sampling.glsl"
-#include "shared/intersect.glsl"
+#include "shared/surface.glsl"
+#include "shapes"
 #ifdef CONTRACTED
 #define hit_plane(origin, direction, normal, offset, on) nudge(hit_plane(origin, direction, normal, offset, on))
 #endif

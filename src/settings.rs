@@ -220,7 +220,7 @@ pub struct Gather {
     pub form: GridForm,
     /// Cells on a lattice of the user's, which comes before `cells`; `None`: they begin where photons do.
     pub lattice: Option<Lattice>,
-    /// Width and height of tiles, pixels; `None`: [`crate::tiling::TILE`].
+    /// Width and height of tiles, pixels; `None`: [`crate::plan::tiling::TILE`].
     pub tile: Option<[u32; 2]>,
 }
 

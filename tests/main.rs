@@ -8,6 +8,7 @@ mod bench;
 mod common;
 mod direct;
 mod golden;
+mod house;
 mod photon_map;
 mod photons;
 mod progressive;
@@ -29,5 +30,5 @@ fn every_file_is_a_module() {
             modules += 1;
         }
     }
-    assert!(modules >= 11, "{modules}");
+    assert!(modules >= 12, "{modules}");
 }

@@ -3,10 +3,10 @@
 use std::io::{BufRead as _, BufReader, Read as _};
 use std::process::{Command, Stdio};
 
+use photile::film::metrics::Within;
 use photile::film::{Accumulator, Image};
-use photile::metrics::Within;
 use photile::pipeline::Pipeline;
-use photile::progressive::{Progressive, bound_90};
+use photile::pipeline::progressive::{Progressive, bound_90};
 use photile::settings::{Amount, FinalGather, Settings, Technique};
 
 use crate::common::{backends, golden, one_at_a_time, scene_path, shipped};
@@ -41,8 +41,8 @@ fn half_golden(name: &str) -> Image {
 }
 
 fn rel_mse(image: &Image, reference: &Image) -> f64 {
-    let settings = photile::metrics::Settings::default();
-    photile::metrics::measure(image, reference, &settings).unwrap().rel_mse
+    let settings = photile::film::metrics::Settings::default();
+    photile::film::metrics::measure(image, reference, &settings).unwrap().rel_mse
 }
 
 #[test]

@@ -9,17 +9,17 @@ use super::saved;
 use super::table::{Table, Value};
 use super::timing::{Samples, median};
 use super::{MachineInfo, Measured, Options, Progress, Report, Steps, Suite};
-use crate::choice::{self, Class, Estimate, Question, TERMS, Taken};
 use crate::cpu::grid::face_of;
-use crate::cpu::scene::SceneTables;
 use crate::error::{Error, Result};
-use crate::features::Features;
-use crate::pack::Packed;
 use crate::pipeline::{Pipeline, Rendering};
-use crate::radius;
+use crate::plan::choice::{self, Class, Estimate, Question, TERMS, Taken};
+use crate::plan::photon_sample::Sample;
+use crate::plan::radius;
+use crate::program::features::Features;
+use crate::rays::scene::SceneTables;
+use crate::records::packing::Packed;
 use crate::scene::Scene;
 use crate::settings::{Amount, Gather, LightMode, Settings};
-use crate::stage::map::Sample;
 
 /// What a choice may cost beyond the best one to be a good one.
 const GOOD: f64 = 1.15;

@@ -15,12 +15,12 @@ use super::timing::median;
 use super::{MachineInfo, Measured, Options, Progress, Report, Steps, Suite, saved};
 use crate::error::{Error, Result};
 use crate::film::Image;
-use crate::metrics::{self, measure};
+use crate::film::metrics::{self, measure};
 use crate::pipeline::Pipeline;
-use crate::progressive::{Progressive, bound_90};
+use crate::pipeline::progressive::{Progressive, bound_90};
 use crate::scene::Scene;
 use crate::settings::{Amount, Backend, FinalGather, Settings, Technique};
-use crate::technique::{Usual, default_technique};
+use crate::techniques::{Usual, default_technique};
 
 /// The numbers of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -2,8 +2,8 @@
 
 use std::fs;
 
-use crate::cl;
-use crate::gl::Headless;
+use crate::device::cl;
+use crate::device::gl::Headless;
 
 /// The machine, its drivers, and how busy it was.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]

@@ -6,7 +6,7 @@ use super::table::{Table, Value};
 use super::{Measured, Options, Progress, Steps};
 use crate::error::{Error, Result};
 use crate::film::Image;
-use crate::metrics::{self, measure};
+use crate::film::metrics::{self, measure};
 use crate::pipeline::Pipeline;
 use crate::scene::Scene;
 use crate::settings::{Amount, Settings};

@@ -8,13 +8,13 @@ use serde::Serialize;
 use super::options::{BackendArg, GatherArg, RenderOptions};
 use super::{notice, print_json};
 use crate::cpu::edges::is_on_edge;
-use crate::cpu::scene::SceneTables;
 use crate::error::{Error, Result};
-use crate::features::Features;
+use crate::film::metrics::{self, Mask, Within, measure, measure_except};
 use crate::film::{Image, SaveOptions, check_output, heat_map};
-use crate::metrics::{self, Mask, Within, measure, measure_except};
-use crate::pack::Packed;
 use crate::pipeline::{Devices, Pipeline};
+use crate::program::features::Features;
+use crate::rays::scene::SceneTables;
+use crate::records::packing::Packed;
 use crate::settings::{Backend, Settings};
 
 /// Render a scene on every backend and compare the pictures, or compare two image files

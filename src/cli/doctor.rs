@@ -3,8 +3,8 @@
 use serde::Serialize;
 
 use super::print_json;
+use crate::device::{cl, gl};
 use crate::error::Result;
-use crate::{cl, gl};
 
 /// Show drivers and devices, and run a tiny kernel or shader on each
 #[derive(clap::Args)]

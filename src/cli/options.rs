@@ -6,10 +6,10 @@ use std::time::Duration;
 
 use clap::{Args, ValueEnum};
 
-use crate::count;
 use crate::error::Result;
-use crate::gathering::MAX_NEAREST;
 use crate::pipeline::Machine;
+use crate::pipeline::path_count;
+use crate::program::gathering::MAX_NEAREST;
 use crate::scene::{self, Scene};
 use crate::settings::{
     Amount, Backend, DensityKernel, Gather, GridForm, LightMode, Method, Photons, Sampler, Settings, Technique,
@@ -299,13 +299,13 @@ impl RenderOptions {
     /// is said, and with final gathering, which has a number of its own.
     ///
     /// # Errors
-    /// As [`count::choose`].
+    /// As [`path_count::choose`].
     pub fn choose_paths(&self, scene: &Scene, settings: &mut Settings) -> Result<Option<String>> {
         let said = self.photons.is_some() || self.stored.is_some() || scene.render.photons.is_some();
         if said || settings.technique != Technique::Map {
             return Ok(None);
         }
-        let Some(chosen) = count::choose(scene, settings)? else { return Ok(None) };
+        let Some(chosen) = path_count::choose(scene, settings)? else { return Ok(None) };
         settings.photons.amount = Amount::Paths(chosen.paths);
         Ok(Some(format!("{} paths, since {}", chosen.paths, chosen.why)))
     }

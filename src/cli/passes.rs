@@ -12,11 +12,11 @@ use super::options::{RenderOptions, parse_seconds};
 use super::{notice, stop_on_interrupt};
 use crate::error::{Error, Result};
 use crate::film::{Accumulator, Image, REPLICATES, check_directory};
+use crate::pipeline::progressive::{Estimate, Progressive};
 use crate::pipeline::{Pipeline, Rendering, Times};
-use crate::progressive::{Estimate, Progressive};
 use crate::scene::Scene;
 use crate::settings::Settings;
-use crate::technique::{Kind, Wish};
+use crate::techniques::{Kind, Wish};
 
 /// So that a power cut costs no more than a minute.
 const SAVE_EVERY: Duration = Duration::from_secs(60);

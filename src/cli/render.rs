@@ -8,11 +8,11 @@ use super::batches;
 use super::options::{BackendArg, RenderOptions};
 use super::passes::{self, PassOptions, Passes};
 use super::{notice, print_json};
-use crate::change::Stage;
 use crate::error::{Error, Result};
 use crate::film::{SaveOptions, check_output};
+use crate::pipeline::change::Stage;
+use crate::pipeline::progressive;
 use crate::pipeline::{Devices, Pipeline, Times};
-use crate::progressive;
 use crate::settings::{Backend, GridForm, LightMode, Method, Technique};
 use crate::stage::map::MapCounts;
 
@@ -105,7 +105,7 @@ pub fn run(args: &Args) -> Result<()> {
         Passes::one(batches::render(&mut pipeline, &scene, &settings)?)
     };
     let rendering = &picture.last;
-    let warnings = crate::warnings::of(&scene, &settings, rendering.radius);
+    let warnings = crate::plan::warnings::of(&scene, &settings, rendering.radius);
     for warning in &warnings {
         notice(&format!("warning: {warning}"));
     }
@@ -147,7 +147,7 @@ pub fn run(args: &Args) -> Result<()> {
         times.readback
     ));
     if args.json {
-        let longest = crate::pace::longest();
+        let longest = crate::device::submissions::longest();
         print_json(&Report {
             scene: &scene.name,
             backend: pipeline.backend,

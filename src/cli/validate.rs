@@ -5,11 +5,11 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::{notice, print_json};
+use crate::device::gl::Headless;
 use crate::error::{Error, Result};
-use crate::gl::Headless;
-use crate::layout::is_field;
 use crate::pipeline::open_device;
-use crate::validate::{Check, Readers, validate};
+use crate::records::is_field;
+use crate::stress::validate::{Check, Readers, validate};
 
 /// Check the packing: upload every kind of record and read each field back, on every device
 #[derive(clap::Args)]

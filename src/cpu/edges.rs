@@ -3,10 +3,10 @@
 
 use glam::Vec3;
 
-use super::camera::{camera_direction, sample_point};
-use super::scene::SceneTables;
-use crate::features::Lights;
-use crate::layout::Frame;
+use crate::program::features::Lights;
+use crate::rays::camera::{camera_direction, sample_point};
+use crate::rays::scene::SceneTables;
+use crate::records::Frame;
 
 /// How far a ray is moved to see whether it sits on an edge, in pixels. Float32 leaves 1e-4 of a pixel to chance on the
 /// image plane, and some ten times that where a shadow falls at a grazing angle.
@@ -35,14 +35,14 @@ fn seen(scene: &SceneTables, frame: &Frame, x: f32, y: f32) -> Option<(usize, bo
     };
     let lights = if scene.features.lights == Lights::None { &[] } else { scene.lights };
     let lit = lights.iter().map(|light| shines(light.position.into())).collect();
-    Some((surface.object, surface.side > 0.0, lit))
+    Some((surface.shape, surface.side > 0.0, lit))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::features::Features;
-    use crate::pack::Packed;
+    use crate::program::features::Features;
+    use crate::records::packing::Packed;
     use crate::settings::Settings;
 
     #[test]

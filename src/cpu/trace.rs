@@ -1,59 +1,18 @@
-//! Twin of `glsl/shared/direct.glsl` and `pixel.glsl`: one pixel's radiance, and the film row by row.
+//! Twin of `glsl/shared/pixel.glsl`: one pixel's radiance, and the film row by row.
 
 use std::f32::consts::FRAC_1_PI;
 
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::bsdf::ggx;
-use super::camera::{camera_direction, sample_point};
+use super::direct::direct_light;
 use super::final_gather::{Gatherer, indirect_irradiance};
 use super::gather::{PhotonMap, photon_radiance};
-use super::scene::{SceneTables, Surface};
 use super::tiles::tile_at;
-use crate::features::Lights;
-use crate::layout::{Frame, Light};
-
-/// What one light brings to a surface.
-pub struct Incident {
-    /// W/m².
-    pub irradiance: Vec3,
-    /// Unit.
-    pub to_light: Vec3,
-    /// Between that and the normal.
-    pub cosine: f32,
-}
-
-/// `None` where the light does not reach.
-pub fn incident_light(scene: &SceneTables, surface: &Surface, light: &Light) -> Option<Incident> {
-    let towards = Vec3::from(light.position) - surface.position;
-    let distance2 = towards.dot(towards);
-    let distance = distance2.sqrt();
-    let to_light = towards * (1.0 / distance);
-    let cosine = surface.normal.dot(to_light);
-    let position = light.position.into();
-    let lit =
-        cosine > 0.0 && !scene.occluded(surface.position, position, to_light, distance, surface.face_left(), None);
-    let irradiance = Vec3::from(light.intensity) * (cosine / distance2);
-    lit.then_some(Incident { irradiance, to_light, cosine })
-}
-
-/// Radiance towards the viewer from point lights, W·m⁻²·sr⁻¹.
-pub fn direct_light(scene: &SceneTables, surface: &Surface, to_viewer: Vec3) -> Vec3 {
-    let object = &scene.objects[surface.object];
-    let diffuse = Vec3::from(object.color) * (object.diffuse * FRAC_1_PI);
-    let mut sum = Vec3::ZERO;
-    for light in scene.lights {
-        let Some(Incident { irradiance, to_light, cosine }) = incident_light(scene, surface, light) else { continue };
-        let mut bsdf = diffuse;
-        if object.specular > 0.0 {
-            let cos_o = surface.normal.dot(to_viewer).max(0.0);
-            bsdf += object.specular * ggx(surface.normal, to_viewer, to_light, cos_o, cosine, object.roughness);
-        }
-        sum += bsdf * irradiance;
-    }
-    sum
-}
+use crate::program::features::Lights;
+use crate::rays::camera::{camera_direction, sample_point};
+use crate::rays::scene::SceneTables;
+use crate::records::Frame;
 
 /// Where indirect light comes from.
 pub enum Indirect<'a> {
@@ -76,7 +35,7 @@ pub fn radiance_along(
     let (origin, direction) = (frame.position.into(), camera_direction(frame, x, y));
     let Some(hit) = scene.closest_hit(origin, direction, None) else { return Vec3::ZERO };
     let surface = scene.surface_at(origin, direction, hit);
-    let object = &scene.objects[hit.object];
+    let material = scene.material_of(hit.shape);
     let direct = match scene.features.lights {
         Lights::None => Vec3::ZERO,
         _ => direct_light(scene, &surface, -direction),
@@ -85,11 +44,11 @@ pub fn radiance_along(
         Indirect::None => Vec3::ZERO,
         Indirect::Map(map) => photon_radiance(scene, map, &surface, -direction, tile),
         Indirect::Final(gatherer) => {
-            let diffuse = Vec3::from(object.color) * (object.diffuse * FRAC_1_PI);
+            let diffuse = Vec3::from(material.color) * (material.diffuse * FRAC_1_PI);
             diffuse * indirect_irradiance(scene, gatherer, frame, &surface, x, y, key)
         }
     };
-    direct + reflected + Vec3::from(object.color) * object.ambient
+    direct + reflected + Vec3::from(material.color) * material.ambient
 }
 
 /// Mean over the pixel's samples.

@@ -3,11 +3,11 @@
 
 use super::paths::Range;
 use super::photon_map::PhotonMap;
-use super::photons::{Walks, batch_that_stores, check_stored};
-use crate::cl::{Arg, Buffer, Context, Kernel};
+use super::walks::{Walks, batch_that_stores, check_stored};
+use crate::device::cl::{Arg, Buffer, Context, Kernel};
 use crate::error::Result;
-use crate::layout::{Emitter, PhotonDirection, PhotonPosition, PhotonPower};
-use crate::source::Source;
+use crate::program::source::Source;
+use crate::records::{Emitter, PhotonDirection, PhotonPosition, PhotonPower};
 
 /// Work-items that walk together.
 const GROUP: u32 = 128;

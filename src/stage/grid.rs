@@ -5,17 +5,18 @@
 //! table is written, in its new order, over the one that was written before it. The way back is the same, by the
 //! order that the sort leaves. `memory.rs` says what that comes to.
 
-use super::fullest::Fullest;
+use super::longest_cell::LongestCell;
 use super::photon_map::{PhotonMap, Photons, first};
 use super::sort::{Scratch, Sort, each, share};
 use super::trace::draws::{cells_within, touched};
-use crate::cells::{Bounds, CellSize, Form, Plan, crowd, plan_by_crowd};
-use crate::cl::{Arg, Buffer, Context, Kernel, PART_ALIGNMENT};
+use crate::device::cl::{Arg, Buffer, Context, Kernel, PART_ALIGNMENT};
+use crate::device::submissions;
 use crate::error::Result;
-use crate::gathering::Method;
-use crate::layout::{Face, Gather, Object, PhotonDirection, PhotonPosition, PhotonPower, TEXEL};
-use crate::pace;
-use crate::source::{Options, assemble};
+use crate::plan::cells::{Bounds, CellSize, Form, Plan, photon_density, plan_by_crowd};
+use crate::program::gathering::Method;
+use crate::program::source::{Options, assemble};
+use crate::records::face::faces_of;
+use crate::records::{Face, Gather, PhotonDirection, PhotonPosition, PhotonPower, Shape, TEXEL};
 
 /// A texel, whatever it holds.
 type Texel = [f32; 3];
@@ -33,7 +34,7 @@ pub struct Grid {
     /// Whole texels; `plan.cells + 1` entries count.
     pub cell_starts: Buffer<f32>,
     /// Most photons of a cell; none where nobody has to know, as on CPUs.
-    pub fullest: Option<u64>,
+    pub longest_cell: Option<u64>,
     /// The photons; none where they stay as they were stored.
     pub sorted: Option<Sorted>,
     /// What takes the place of tables that there are not.
@@ -62,7 +63,7 @@ impl Grid {
             gather: Buffer::new(context, 1)?,
             faces: Buffer::new(context, 0)?,
             cell_starts: Buffer::new(context, 0)?,
-            fullest: None,
+            longest_cell: None,
             sorted: None,
             nothing: Buffer::new(context, 0)?,
         })
@@ -83,14 +84,14 @@ impl Grid {
         Some([gather, records, (&self.cell_starts).into(), positions, powers, faces, directions])
     }
 
-    /// About the most photons that one query looks at, where the fullest cell is known.
+    /// About the most photons that one query looks at, where the longest_cell cell is known.
     pub fn most_candidates(&self) -> Option<u64> {
         let across = cells_within(&self.plan.gather);
         let cells = match self.plan.hashed {
             true => across[0] * across[1] * 2, // a face is seldom more than two cells thick
             false => self.plan.faces.iter().map(|face| touched(face.counts, across)).max().unwrap_or(0),
         };
-        Some((self.fullest? * cells).min(self.count as u64))
+        Some((self.longest_cell? * cells).min(self.count as u64))
     }
 
     /// Bytes held on the device.
@@ -148,7 +149,7 @@ pub struct GridStage {
     kernels: [Option<Kernels>; 2],
     restore: Kernel,
     sort: Sort,
-    fullest: Fullest,
+    longest_cell: LongestCell,
     bounds: Buffer<i32>,
     grid: Grid,
     /// Number that each sorted photon was stored under.
@@ -188,7 +189,7 @@ impl GridStage {
             bounds_kernel: context.kernel(&bounds, "grid_bounds")?,
             kernels: [None, None],
             sort: Sort::new(context)?,
-            fullest: Fullest::new(context)?,
+            longest_cell: LongestCell::new(context)?,
             restore: context.kernel(&source, "grid_restore")?,
             bounds: Buffer::new(context, 0)?,
             grid: Grid::empty(context)?,
@@ -204,18 +205,19 @@ impl GridStage {
     pub fn lay_out(
         &mut self,
         context: &Context,
-        objects: &[Object],
+        shapes: &[Shape],
         photons: &Photons,
         wanted: &Wanted,
     ) -> Result<&Grid> {
-        let bounds = self.bounds(context, 2 * objects.len(), photons)?;
+        let bounds = self.bounds(context, faces_of(shapes.len()), photons)?;
         let crowd = || {
-            let few = photons.count.min(crowd::SAMPLE);
+            let few = photons.count.min(photon_density::SAMPLE);
             let (positions, faces) = (first(context, photons.positions, few)?, first(context, photons.faces, few)?);
-            Ok(crowd::crowd(&positions, faces.iter().map(|face| *face as u32), photons.count, wanted.radius))
+            Ok(photon_density::crowd(&positions, faces.iter().map(|face| *face as u32), photons.count, wanted.radius))
         };
         let size = (wanted.size, wanted.form);
-        let mut plan = plan_by_crowd(objects, &bounds, photons.count, wanted.radius, size, crowd)?;
+        let mut plan =
+            plan_by_crowd(shapes, photons.directions.is_some(), &bounds, photons.count, wanted.radius, size, crowd)?;
         plan.gather.nearest = wanted.nearest as f32;
         self.grid.gather.write(context, &[plan.gather])?;
         self.grid.plan = plan;
@@ -223,14 +225,14 @@ impl GridStage {
         Ok(&self.grid)
     }
 
-    /// Sorts a photon map into a grid, which takes over its memory. Only the faces' boxes and, on GPUs, the fullest cell
+    /// Sorts a photon map into a grid, which takes over its memory. Only the faces' boxes and, on GPUs, the longest_cell cell
     /// are waited for; the queue is in order.
     ///
     /// # Errors
     /// [`crate::error::Error::Usage`] when floats cannot count the photons or the cells that were asked for;
     /// [`crate::error::Error::Device`] when memory is short.
-    pub fn build(&mut self, context: &Context, objects: &[Object], map: PhotonMap, wanted: &Wanted) -> Result<&Grid> {
-        self.lay_out(context, objects, &map.view(), wanted)?;
+    pub fn build(&mut self, context: &Context, shapes: &[Shape], map: PhotonMap, wanted: &Wanted) -> Result<&Grid> {
+        self.lay_out(context, shapes, &map.view(), wanted)?;
         let (hashed, cells, count) = (self.grid.plan.hashed, self.grid.plan.cells, map.stored);
         let slot = usize::from(hashed);
         if self.kernels[slot].is_none() {
@@ -300,8 +302,8 @@ impl GridStage {
             emitted: map.emitted,
         });
         // Last, since the host waits for it.
-        grid.fullest = match pace::cuts_all(context.device.is_gpu) {
-            true => Some(self.fullest.of(context, &grid.cell_starts, cells)?),
+        grid.longest_cell = match submissions::cuts_all(context.device.is_gpu) {
+            true => Some(self.longest_cell.of(context, &grid.cell_starts, cells)?),
             false => None,
         };
         Ok(&self.grid)

@@ -5,16 +5,16 @@ use std::rc::Rc;
 
 use super::map::MapCounts;
 use super::paths::{Paths, Range};
-use crate::charts::Charts;
-use crate::cl::{Arg, Buffer, Context, Kernel};
 use crate::cpu;
 use crate::cpu::photons::stream_of;
-use crate::emission::{Amount, Emission, Plan, Quanta};
+use crate::device::cl::{Arg, Buffer, Context, Kernel};
 use crate::error::{Error, Result};
-use crate::features::Features;
-use crate::layout::{Chart, Texel};
-use crate::pack::Packed;
-use crate::source::{Options, assemble};
+use crate::plan::charts::Charts;
+use crate::program::features::Features;
+use crate::program::source::{Options, assemble};
+use crate::rays::emission::{Amount, Emission, Plan, Quanta};
+use crate::records::packing::Packed;
+use crate::records::{Chart, Texel};
 
 /// Makes irradiance texels on one machine and holds the last ones.
 pub enum IrradianceStage {
@@ -156,7 +156,7 @@ impl IrradianceStage {
             }
             IrradianceStage::Host(stage) => {
                 let Some((packed, features, plan, charts)) = &stage.scene else { return Err(no_scene()) };
-                let scene = cpu::scene::SceneTables::new(packed, features);
+                let scene = crate::rays::scene::SceneTables::new(packed, features);
                 stage.texels = stage.pool.install(|| cpu::texels::irradiance(&scene, plan, charts, emission, paths));
             }
         }

@@ -1,5 +1,6 @@
 //! The photon map: emission and grid, on an OpenCL device or by the twins on the CPU.
 
+use crate::plan::photon_sample::Sample;
 use std::rc::Rc;
 
 use super::grid::{Grid, GridStage, Wanted};
@@ -7,17 +8,18 @@ use super::photon_map::{PhotonMap, Photons as StoredPhotons, first};
 use super::photons::Photons;
 use super::scan::Scan;
 use super::tiles::{TileStage, Tiles};
-use crate::cells::{self, crowd};
-use crate::cl::Context;
 use crate::cpu;
 use crate::cpu::grid::face_of;
-use crate::emission::{self, Emission};
+use crate::device::cl::Context;
 use crate::error::{Error, Result};
-use crate::features::Features;
-use crate::layout::{Frame, PhotonPosition};
-use crate::pack::Packed;
+use crate::plan::cells::{self, photon_density};
+use crate::plan::tiling;
+use crate::program::features::Features;
+use crate::rays::emission::{self, Emission};
+use crate::records::Frame;
+use crate::records::face::faces_of;
+use crate::records::packing::Packed;
 use crate::settings::Method;
-use crate::tiling;
 
 /// Makes photon maps on one machine and holds the last one.
 pub enum MapStage {
@@ -89,14 +91,6 @@ pub struct MapCounts {
     pub stored: u64,
 }
 
-/// The first photons of a map, from which the rest is judged.
-pub struct Sample {
-    /// Where.
-    pub positions: Vec<PhotonPosition>,
-    /// On what: 2·object + (0 | 1).
-    pub faces: Vec<u32>,
-}
-
 impl MapStage {
     /// On an open device.
     ///
@@ -165,7 +159,7 @@ impl MapStage {
             }
             MapStage::Host(map) => {
                 let Some((packed, features, plan)) = &map.scene else { return Err(no_scene()) };
-                let scene = cpu::scene::SceneTables::new(packed, features);
+                let scene = crate::rays::scene::SceneTables::new(packed, features);
                 map.stored = map.pool.install(|| cpu::photons::photons(&scene, plan, emission))?;
                 Ok(MapCounts { emitted: map.stored.emitted.into(), stored: map.stored.len() as u64 })
             }
@@ -234,23 +228,31 @@ impl MapStage {
             MapStage::Device(map) => {
                 let (Some(stored), Some(packed)) = (map.stored.take(), &map.packed) else { return Err(no_scene()) };
                 if method.reads_stored() {
-                    map.grid.lay_out(&map.context, &packed.objects, &stored.view(), wanted)?;
+                    map.grid.lay_out(&map.context, &packed.shapes, &stored.view(), wanted)?;
                     map.stored = Some(stored);
                     return Ok(false);
                 }
-                let hashed = map.grid.build(&map.context, &packed.objects, stored, wanted)?.plan.hashed;
+                let hashed = map.grid.build(&map.context, &packed.shapes, stored, wanted)?.plan.hashed;
                 map.context.finish()?;
                 Ok(hashed)
             }
             MapStage::Host(map) => {
                 let Some((packed, ..)) = &map.scene else { return Err(no_scene()) };
                 let stored = map.stored.view();
-                let bounds = cpu::grid::grid_bounds(&stored, 2 * packed.objects.len());
+                let bounds = cpu::grid::grid_bounds(&stored, faces_of(packed.shapes.len()));
                 let Wanted { radius, size, form, nearest } = *wanted;
                 let faces = stored.surfaces.iter().map(|surface| cpu::grid::face_of(surface) as u32);
                 let count = map.stored.len();
-                let crowd = || Ok(crowd::crowd(stored.positions, faces, count, radius));
-                map.plan = cells::plan_by_crowd(&packed.objects, &bounds, count, radius, (size, form), crowd)?;
+                let crowd = || Ok(photon_density::crowd(stored.positions, faces, count, radius));
+                map.plan = cells::plan_by_crowd(
+                    &packed.shapes,
+                    packed.is_glossy(),
+                    &bounds,
+                    count,
+                    radius,
+                    (size, form),
+                    crowd,
+                )?;
                 map.plan.gather.nearest = nearest as f32;
                 map.grid = cpu::grid::grid(&map.stored.view(), &map.plan);
                 Ok(map.plan.hashed)
@@ -272,15 +274,15 @@ impl MapStage {
                     none => none.insert(Box::new(TileStage::new(&map.context)?)),
                 };
                 stage.upload(&map.context, packed, features)?;
-                let pairs = stage.build(&map.context, &packed.objects, frame, &stored.view(), wanted)?.pairs;
+                let pairs = stage.build(&map.context, &packed.shapes, frame, &stored.view(), wanted)?.pairs;
                 map.context.finish()?;
                 Ok(pairs as u64)
             }
             MapStage::Host(map) => {
                 let Some((packed, ..)) = &map.scene else { return Err(no_scene()) };
-                let scene = cpu::scene::SceneTables::new(packed, features);
+                let scene = crate::rays::scene::SceneTables::new(packed, features);
                 let seen = map.pool.install(|| cpu::tiles::tiles_seen(&scene, frame, wanted.tile));
-                let plan = tiling::plan(&packed.objects, frame, seen, map.stored.len(), wanted)?;
+                let plan = tiling::plan(&packed.shapes, frame, seen, map.stored.len(), wanted)?;
                 let tables = cpu::tiles::tiles(&map.stored.view(), &plan, frame)?;
                 map.plan.gather = plan.gather;
                 let pairs = tables.tile_photons.len() as u64;

@@ -1,9 +1,9 @@
 //! Stages on their devices: arguments, sizes, launches. Each has a twin of the same name in `cpu`.
 
 mod counter;
-pub mod fullest;
 pub mod grid;
 pub mod irradiance;
+pub mod longest_cell;
 pub mod map;
 pub mod paths;
 pub mod photon_map;
@@ -14,3 +14,4 @@ pub mod scan;
 pub mod sort;
 pub mod tiles;
 pub mod trace;
+mod walks;

@@ -2,10 +2,10 @@
 
 use bytemuck::Pod;
 
-use crate::cl::{Buffer, Context};
+use crate::device::cl::{Buffer, Context};
+use crate::device::memory::capacity;
 use crate::error::Result;
-use crate::layout::{PhotonDirection, PhotonPosition, PhotonPower, TEXEL};
-use crate::memory::capacity;
+use crate::records::{PhotonDirection, PhotonPosition, PhotonPower, TEXEL};
 
 /// A photon map on the device, in path order, then bounce order. 28 bytes a photon, 40 where some surface is glossy.
 pub struct PhotonMap {

@@ -6,17 +6,17 @@ use super::grid::{Grid, Sorted};
 use super::photon_map::Photons;
 use super::tiles::Tiles;
 use super::trace::draws::{cells_across, touched};
-use crate::cells::Plan;
-use crate::cl::{Buffer, Context};
 use crate::cpu::grid::{GridTables, PhotonTables, face_of};
 use crate::cpu::tiles::TileTables;
+use crate::device::cl::{Buffer, Context};
+use crate::device::gl::{Functions, PixelBuffer, Program, TableTexture};
 use crate::error::{Error, Result};
-use crate::gathering::{Gathering, Method};
-use crate::gl::{Functions, PixelBuffer, Program, TableTexture};
-use crate::layout::{
+use crate::plan::cells::Plan;
+use crate::plan::tiling;
+use crate::program::gathering::{Gathering, Method};
+use crate::records::{
     Face, Gather, PhotonDirection, PhotonPosition, PhotonPower, Record, Region, TEXEL, TEXTURE_WIDTH_LOG2, Tile,
 };
-use crate::tiling;
 
 /// The photon map as textures, one a property; what a permutation does not read is neither read back nor uploaded.
 pub struct PhotonTextures {
@@ -206,19 +206,19 @@ fn whole_texels(mut list: Vec<f32>) -> Vec<f32> {
     list
 }
 
-/// A bound on the photons that one query looks at: the fullest cell's, for all cells that its ball can touch.
+/// A bound on the photons that one query looks at: the longest_cell cell's, for all cells that its ball can touch.
 fn most_candidates(plan: &Plan, cell_starts: &[f32], photons: u64) -> u64 {
     let across = cells_across(&plan.gather);
-    let fullest =
+    let longest_cell =
         |cells: std::ops::Range<usize>| cells.map(|c| (cell_starts[c + 1] - cell_starts[c]) as u64).max().unwrap_or(0);
     if plan.hashed {
         // Rows may share buckets, and a face is seldom more than two cells thick.
-        return (fullest(0..plan.cells) * across[0] * across[1] * 2).min(photons);
+        return (longest_cell(0..plan.cells) * across[0] * across[1] * 2).min(photons);
     }
     let of_face = |face: &Face| {
         let [u, v, w] = face.counts.map(|count| count as u64);
         let base = face.base as usize;
-        fullest(base..base + (u * v * w) as usize) * touched(face.counts, across)
+        longest_cell(base..base + (u * v * w) as usize) * touched(face.counts, across)
     };
     plan.faces.iter().map(of_face).max().unwrap_or(0).min(photons)
 }

@@ -3,18 +3,18 @@
 use std::rc::Rc;
 
 use super::counter::Counter;
-use super::paths::{Paths, Range};
+use super::paths::Paths;
 use super::photon_map::PhotonMap;
 use super::recorder::Recorder;
 use super::scan::Scan;
-use crate::cl::{Arg, Buffer, Context};
-use crate::cpu::photons::{FRUITLESS_PATHS, fruitless, stream_of};
-use crate::emission::{Amount, Emission, Plan, Sampler};
+use super::walks::Walks;
+use crate::cpu::photons::{fruitless, stream_of};
+use crate::device::cl::Context;
 use crate::error::{Error, Result};
-use crate::features::Features;
-use crate::layout::{Emitter, MAX_EXACT_INDEX};
-use crate::pack::Packed;
-use crate::source::{Options, assemble};
+use crate::program::features::Features;
+use crate::program::source::{Options, assemble};
+use crate::rays::emission::{Amount, Emission, Plan, Sampler};
+use crate::records::packing::Packed;
 
 /// The kernels of one permutation.
 struct Kernels {
@@ -121,57 +121,6 @@ impl Photons {
         match storing {
             Storing::Counted(counter) => counter.emit(&walks, paths, limit, old),
             Storing::Recorded(recorder) => recorder.emit(&walks, paths, limit, old),
-        }
-    }
-}
-
-/// Refuses more photons than indices in float values can tell apart.
-pub(super) fn check_stored(paths: u32, stored: u64) -> Result<()> {
-    if stored < MAX_EXACT_INDEX {
-        return Ok(());
-    }
-    Err(Error::Usage(format!(
-        "{paths} paths store {stored} photons, a pass holds fewer than {MAX_EXACT_INDEX}: take more --passes of fewer \
-         --photons"
-    )))
-}
-
-/// One pass of emission on the device.
-pub(super) struct Walks<'a> {
-    pub context: &'a Context,
-    pub scan: &'a Scan,
-    pub scene: &'a Paths,
-    /// Of seed and pass.
-    pub stream: u32,
-}
-
-impl Walks<'_> {
-    /// Arguments that all kernels which walk begin with.
-    pub fn args(&self, emitters: &Buffer<Emitter>, range: &Range) -> Vec<Arg> {
-        self.scene.args(&[], emitters, range, self.stream)
-    }
-}
-
-/// Counts batch after batch, which `count` does for paths from the first number to the second, until `wanted` photons are
-/// there. The batch's first path, and which of its photons, from 1 on, is the last one wanted.
-pub(super) fn batch_that_stores(
-    walks: &Walks,
-    wanted: u32,
-    mut count: impl FnMut(&Buffer<Emitter>, u32, u32) -> Result<u32>,
-) -> Result<(u32, u32)> {
-    // The walk does not depend on how much power a path has, only on the ratio of its channels.
-    let batch = wanted.clamp(1 << 16, 1 << 22);
-    let emitters = walks.scene.emitters(walks.context, batch)?;
-    let (mut stored, mut first) = (0u64, 0u32);
-    loop {
-        let end = first.saturating_add(batch);
-        let here = count(&emitters, first, end)?;
-        if stored + u64::from(here) >= u64::from(wanted) {
-            return Ok((first, (u64::from(wanted) - stored) as u32));
-        }
-        (stored, first) = (stored + u64::from(here), end);
-        if (stored == 0 && first >= FRUITLESS_PATHS) || first >= 1 << 31 {
-            return Err(fruitless(wanted, stored, first));
         }
     }
 }

@@ -3,11 +3,11 @@
 
 use super::paths::Range;
 use super::photon_map::PhotonMap;
-use super::photons::{Walks, batch_that_stores, check_stored};
-use crate::cl::{Arg, Buffer, Context, Kernel};
+use super::walks::{Walks, batch_that_stores, check_stored};
+use crate::device::cl::{Arg, Buffer, Context, Kernel};
+use crate::device::memory::{RECORDING_BYTES, recorded_floats};
 use crate::error::{Error, Result};
-use crate::memory::{RECORDING_BYTES, recorded_floats};
-use crate::source::Source;
+use crate::program::source::Source;
 
 /// Most paths of a lane.
 const MAX_PATHS: u32 = 1024;
@@ -81,13 +81,14 @@ impl Recorder {
             self.totals.read(context, &mut totals)?;
             // Two vectors a work-item: photons by lane, and steps.
             let of_items = || totals.chunks(2 * self.lanes as usize).map(|both| both.split_at(self.lanes as usize));
-            let fullest = of_items().map(|(_, steps)| steps[0]).max().unwrap_or(0);
-            if fullest > self.room {
+            let longest_cell = of_items().map(|(_, steps)| steps[0]).max().unwrap_or(0);
+            if longest_cell > self.room {
                 if length == 1 {
-                    return Err(Error::Device(format!("a path stores {fullest} photons")));
+                    return Err(Error::Device(format!("a path stores {longest_cell} photons")));
                 }
                 // Counts went on past the last record, so that the next try fits.
-                self.paths = (u64::from(length) * u64::from(self.room) * 3 / (u64::from(fullest) * 4)).max(1) as u32;
+                self.paths =
+                    (u64::from(length) * u64::from(self.room) * 3 / (u64::from(longest_cell) * 4)).max(1) as u32;
                 continue;
             }
             let here = of_items().flat_map(|(photons, _)| photons).map(|photons| u64::from(*photons)).sum::<u64>();
@@ -109,7 +110,7 @@ impl Recorder {
             map = Some(own);
             (first, stored) = (done, total);
             // The longest lane's steps differ little between batches: a tenth is room enough.
-            let steps = f64::from(fullest) / f64::from(length);
+            let steps = f64::from(longest_cell) / f64::from(length);
             self.paths = ((f64::from(self.room) * 0.9 / steps.max(1e-3)) as u32).clamp(1, MAX_PATHS);
         }
         match map {

@@ -2,9 +2,9 @@
 
 use std::cell::RefCell;
 
-use crate::cl::{Arg, Buffer, Context, Kernel};
+use crate::device::cl::{Arg, Buffer, Context, Kernel};
 use crate::error::Result;
-use crate::source::{self, Options};
+use crate::program::source::{self, Options};
 
 /// The scan's kernels, and the memory that its upper levels keep between calls.
 pub struct Scan {

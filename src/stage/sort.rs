@@ -1,9 +1,9 @@
 //! Stable radix sort of (key, number) pairs on the device (`kernels/sort.cl`).
 
 use super::scan::Scan;
-use crate::cl::{Buffer, Context, Kernel};
+use crate::device::cl::{Buffer, Context, Kernel};
 use crate::error::Result;
-use crate::source::{Options, assemble};
+use crate::program::source::{Options, assemble};
 
 /// The sort's kernels.
 pub struct Sort {

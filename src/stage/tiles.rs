@@ -1,20 +1,20 @@
 //! Tiles: a camera's view and photons as stored in, lists of photons by tile out. All on the device but for the boxes
 //! of what tiles see, seven numbers each, from which the host lays the regions out.
 
-use super::fullest::Fullest;
+use super::longest_cell::LongestCell;
 use super::photon_map::Photons;
 use super::scan::Scan;
 use super::sort::{Scratch, Sort, each, share};
 use super::trace::draws::{cells_within, touched};
-use crate::cells::Bounds;
-use crate::cl::{Arg, Buffer, Context, Kernel};
+use crate::device::cl::{Arg, Buffer, Context, Kernel};
+use crate::device::submissions;
 use crate::error::Result;
-use crate::features::Features;
-use crate::layout::{Frame, Gather, Light, Object, PhotonDirection, Region, TEXEL, Tile};
-use crate::pace;
-use crate::pack::Packed;
-use crate::source::{Options, assemble};
-use crate::tiling::{Plan, Seen, Wanted, check_pairs, plan, tiles_of, within};
+use crate::plan::cells::Bounds;
+use crate::plan::tiling::{Plan, Seen, Wanted, check_pairs, plan, tiles_of, within};
+use crate::program::features::Features;
+use crate::program::source::{Options, assemble};
+use crate::records::packing::Packed;
+use crate::records::{Frame, Gather, Light, Material, PhotonDirection, Region, Shape, TEXEL, Tile};
 
 /// The tiles' lists on the device. Buffers may be longer than what they hold.
 pub struct Tiles {
@@ -33,7 +33,7 @@ pub struct Tiles {
     /// Whole texels; `pairs` entries count.
     pub tile_photons: Buffer<f32>,
     /// Most entries of a cell; none where nobody has to know, as on CPUs.
-    pub fullest: Option<u64>,
+    pub longest_cell: Option<u64>,
     /// What takes the place of directions where no photon has one.
     no_directions: Buffer<PhotonDirection>,
 }
@@ -48,7 +48,7 @@ impl Tiles {
             regions: Buffer::new(context, 0)?,
             cell_starts: Buffer::new(context, 0)?,
             tile_photons: Buffer::new(context, 0)?,
-            fullest: None,
+            longest_cell: None,
             no_directions: Buffer::new(context, 0)?,
         })
     }
@@ -68,13 +68,13 @@ impl Tiles {
         ]
     }
 
-    /// About the most entries that one query looks at, where the fullest cell is known.
+    /// About the most entries that one query looks at, where the longest_cell cell is known.
     pub fn most_candidates(&self) -> Option<u64> {
         let photons = self.plan.gather.photon_count as u64;
         let across = cells_within(&self.plan.gather);
         let cells = self.plan.regions.iter().map(|region| touched(region.counts, across)).max().unwrap_or(0);
         // A point that its tile does not know asks the whole map: few do, so that may take thrice as long.
-        Some((self.fullest? * cells).max(photons / 3).min(photons))
+        Some((self.longest_cell? * cells).max(photons / 3).min(photons))
     }
 
     /// Bytes held on the device.
@@ -104,11 +104,12 @@ pub struct TileStage {
     starts: Kernel,
     scan: Scan,
     sort: Sort,
-    fullest: Fullest,
+    longest_cell: LongestCell,
     /// What lists were last made for: count and fill take another time for others.
     paced_for: Option<Wanted>,
     scratch: Scratch,
-    objects: Buffer<Object>,
+    shapes: Buffer<Shape>,
+    materials: Buffer<Material>,
     lights: Buffer<Light>,
     frame: Buffer<Frame>,
     seen: Buffer<Slot>,
@@ -145,10 +146,11 @@ impl TileStage {
             starts: context.kernel(&grid, "grid_starts")?,
             scan: Scan::new(context)?,
             sort: Sort::new(context)?,
-            fullest: Fullest::new(context)?,
+            longest_cell: LongestCell::new(context)?,
             paced_for: None,
             scratch: Scratch::empty(context)?,
-            objects: Buffer::new(context, 0)?,
+            shapes: Buffer::new(context, 0)?,
+            materials: Buffer::new(context, 0)?,
             lights: Buffer::new(context, 0)?,
             frame: Buffer::new(context, 1)?,
             seen: Buffer::new(context, 0)?,
@@ -170,9 +172,11 @@ impl TileStage {
     /// # Errors
     /// [`crate::error::Error::Build`] and [`crate::error::Error::Device`] from the driver.
     pub fn upload(&mut self, context: &Context, packed: &Packed, features: &Features) -> Result<()> {
-        self.objects.fit(context, packed.objects.len())?;
+        self.shapes.fit(context, packed.shapes.len())?;
+        self.materials.fit(context, packed.materials.len())?;
         self.lights.fit(context, packed.lights.len())?;
-        self.objects.write(context, &packed.objects)?;
+        self.shapes.write(context, &packed.shapes)?;
+        self.materials.write(context, &packed.materials)?;
         self.lights.write(context, &packed.lights)?;
         if self.seen_kernel.as_ref().is_none_or(|(built, _)| built != features) {
             let options = Options { lanes: context.device.lanes, ..Options::default() };
@@ -208,7 +212,8 @@ impl TileStage {
             self.seen.fit(context, work_items * slots)?;
             let args = [
                 (&self.frame).into(),
-                (&self.objects).into(),
+                (&self.shapes).into(),
+                (&self.materials).into(),
                 (&self.lights).into(),
                 (&self.seen).into(),
                 (&self.seen_counts).into(),
@@ -220,7 +225,7 @@ impl TileStage {
                 (strip[1] as i32).into(),
                 (slots as i32).into(),
             ];
-            kernel.pace.expect((strip[0] * strip[1]) as f64 * samples as f64 * self.objects.len() as f64);
+            kernel.pace.expect((strip[0] * strip[1]) as f64 * samples as f64 * self.shapes.len() as f64);
             context.launch(kernel, &args, &[work_items], None)?;
             let mut counts = vec![0; work_items];
             self.seen_counts.read(context, &mut counts)?;
@@ -252,13 +257,13 @@ impl TileStage {
     pub fn build(
         &mut self,
         context: &Context,
-        objects: &[Object],
+        shapes: &[Shape],
         frame: &Frame,
         photons: &Photons,
         wanted: &Wanted,
     ) -> Result<&Tiles> {
         let seen = self.seen(context, frame, wanted.tile)?;
-        let plan = plan(objects, frame, seen, photons.count, wanted)?;
+        let plan = plan(shapes, frame, seen, photons.count, wanted)?;
         if self.paced_for.replace(*wanted).is_some_and(|last| !takes_alike(&last, wanted)) {
             self.count.pace.forget();
             self.fill.pace.forget();
@@ -339,8 +344,8 @@ impl TileStage {
         let order: Arg = (&self.scratch.values[sorted]).into();
         let args = [order, (&self.pair_photons).into(), (&tiles.tile_photons).into(), tail[0], tail[1]];
         context.launch(&self.photons, &args, &[items], None)?;
-        tiles.fullest = match pace::cuts_all(context.device.is_gpu) {
-            true => Some(self.fullest.of(context, &tiles.cell_starts, plan.cells)?),
+        tiles.longest_cell = match submissions::cuts_all(context.device.is_gpu) {
+            true => Some(self.longest_cell.of(context, &tiles.cell_starts, plan.cells)?),
             false => None,
         };
         tiles.plan = plan;

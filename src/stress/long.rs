@@ -3,11 +3,11 @@
 
 use super::{Bench, Fault, Found, Row, Spread, Suite};
 use crate::bench::scenes::built_in;
-use crate::cpu::random::{hash2_u, unit_real};
+use crate::device::gl::Mean;
 use crate::error::{Error, Result};
 use crate::film::{Accumulator, Image};
-use crate::gl::Mean;
-use crate::progressive::Progressive;
+use crate::pipeline::progressive::Progressive;
+use crate::rays::random::{hash2_u, unit_real};
 use crate::scene::Scene;
 use crate::settings::{Amount, Backend, FinalGather, Settings, Technique};
 

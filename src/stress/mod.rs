@@ -27,6 +27,7 @@ mod offset;
 mod random;
 mod special;
 mod summary;
+pub mod validate;
 
 pub use lab::Lab;
 pub use summary::{Row, Spread};

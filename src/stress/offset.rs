@@ -8,7 +8,7 @@ use super::{Bench, Fault, Found, Row, Spread, Suite};
 use crate::bench::scenes::built_in;
 use crate::error::{Error, Result};
 use crate::film::Image;
-use crate::metrics::{self, measure};
+use crate::film::metrics::{self, measure};
 use crate::scene::Scene;
 use crate::settings::{Amount, Method, Settings};
 

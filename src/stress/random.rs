@@ -7,10 +7,10 @@ use rayon::prelude::*;
 use super::lab::{Answer, Task};
 use super::{Bench, Fault, Found, Row, Spread, Suite};
 use crate::cpu::photons::stream_of;
-use crate::cpu::random::{R4_STEPS, hash_u, hash2_u, owen_scramble, sequence_u, sobol_second, unit_real};
-use crate::cpu::walk::{number_u, sample_sphere};
 use crate::error::Result;
-use crate::pack::Packed;
+use crate::rays::random::{R4_STEPS, hash_u, hash2_u, owen_scramble, sequence_u, sobol_second, unit_real};
+use crate::rays::walk::{number_u, sample_sphere};
+use crate::records::packing::Packed;
 use crate::settings::Backend;
 
 /// What the twins make of two counters.
@@ -51,7 +51,7 @@ pub(super) fn run(bench: &mut Bench) -> Result<Found> {
     let cases: Vec<[f32; 3]> = counters.iter().flat_map(|(a, b)| [split(*a), split(*b)]).collect();
     let expected: Vec<Answer> = counters.par_iter().map(|pair| twin(*pair, None)).collect();
     let packed =
-        Packed { origin: DVec3::ZERO, objects: Vec::new(), sphere_count: 0, lights: Vec::new(), glasses: Vec::new() };
+        Packed { origin: DVec3::ZERO, shapes: Vec::new(), sphere_count: 0, lights: Vec::new(), materials: Vec::new() };
     for backend in bench.backends() {
         bench.step(&format!("random: counters, {}", backend.name()));
         let answers = match backend {

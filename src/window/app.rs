@@ -7,15 +7,11 @@ use winit::event::WindowEvent;
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy};
 use winit::window::WindowId;
 
-use super::open::Open;
+use super::open::{Open, Wake};
 use super::player::Player;
 use super::summary::{Options, Summary};
-use crate::census::{Kind, alive};
+use crate::device::live_objects::{Kind, alive};
 use crate::error::{Error, Result};
-
-/// A worker has something.
-#[derive(Debug)]
-pub struct Wake;
 
 /// Opens the window and runs it until it is closed. `started` is when the program did.
 ///

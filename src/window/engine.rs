@@ -5,22 +5,22 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Instant;
 
+use super::driver_lock::{DriverLock, Taken};
 use super::ladder::Cost;
 use super::level::Level;
 use super::request::Request;
-use super::turn::{Taken, Turn};
-use crate::change::Stage;
+use crate::device::gl::{Current, Mean, Picture};
 use crate::error::Result;
 use crate::film::Image;
-use crate::gl::{Current, Mean, Picture};
+use crate::pipeline::change::Stage;
+use crate::pipeline::progressive::Progressive;
 use crate::pipeline::{Devices, Film, Machine, Pipeline, Rendering, Times};
-use crate::progressive::Progressive;
 use crate::settings::{Backend, Method, Settings, Technique};
 use crate::stage::map::MapCounts;
 
 /// How a frame came about.
 #[derive(Clone, Debug, Default)]
-pub struct Made {
+pub struct FrameReport {
     /// Stages of the pass.
     pub times: Times,
     /// Milliseconds of all of it: the pass, and adding it to the mean.
@@ -57,7 +57,7 @@ pub struct Made {
     pub bytes: usize,
 }
 
-impl Made {
+impl FrameReport {
     /// For the ladder.
     pub fn cost(&self) -> Cost {
         let photons = self.times.emit + self.times.grid + self.times.tiles + self.times.upload;
@@ -93,7 +93,7 @@ pub struct Engine {
     mean: Mean,
     current: Current,
     machine: Machine,
-    turn: Arc<Turn>,
+    driver_lock: Arc<DriverLock>,
     /// The turn that a pass has; it goes and comes between the parts of a picture.
     held: Rc<RefCell<Option<Taken>>>,
     /// Whether the pass is still wanted.
@@ -109,13 +109,13 @@ impl Engine {
     pub fn new(
         current: Current,
         machine: Machine,
-        turn: Arc<Turn>,
+        driver_lock: Arc<DriverLock>,
         wanted: Rc<dyn Fn() -> bool>,
         notice: Box<dyn FnMut(&str)>,
     ) -> Result<Engine> {
-        let _first = turn.take();
+        let _first = driver_lock.take();
         let mean = Mean::new(&current.gl)?;
-        Ok(Engine { pipeline: None, mean, current, machine, turn, held: Rc::default(), wanted, notice })
+        Ok(Engine { pipeline: None, mean, current, machine, driver_lock, held: Rc::default(), wanted, notice })
     }
 
     /// Draws a single picture at a level. Tells nothing where it was not wanted any more before it was done; so does
@@ -123,14 +123,14 @@ impl Engine {
     ///
     /// # Errors
     /// What the backend meets.
-    pub fn draft(&mut self, request: &Request, level: Level, until: Until) -> Result<Option<Made>> {
+    pub fn draft(&mut self, request: &Request, level: Level, until: Until) -> Result<Option<FrameReport>> {
         self.in_turn(request.backend, |engine| {
             let start = Instant::now();
             let settings = request.draft(level);
             let Some(drawn) = engine.draw(request, &settings, until)? else { return Ok(None) };
             engine.mean.restart();
             let image = engine.show(&settings)?;
-            let mut made = Made { level, ..engine.made(start, request, drawn, &settings) };
+            let mut made = FrameReport { level, ..engine.made(start, request, drawn, &settings) };
             let missing = engine.pipeline.as_ref().map(|pipeline| pipeline.missing().to_vec()).unwrap_or_default();
             if !missing.is_empty() {
                 let rows: u32 = missing.iter().map(|[from, to]| to - from).sum();
@@ -184,7 +184,12 @@ impl Engine {
     ///
     /// # Errors
     /// What the backend meets.
-    pub fn pass(&mut self, request: &Request, passes: &mut Progressive, stoppable: bool) -> Result<Option<Made>> {
+    pub fn pass(
+        &mut self,
+        request: &Request,
+        passes: &mut Progressive,
+        stoppable: bool,
+    ) -> Result<Option<FrameReport>> {
         self.in_turn(request.backend, |engine| {
             let start = Instant::now();
             let settings = passes.next_settings()?;
@@ -199,17 +204,17 @@ impl Engine {
             };
             *engine.held.borrow_mut() = None; // what follows is the host's
             passes.add(&drawn);
-            Ok(Some(Made { passes: passes.passes(), ..engine.made(start, request, drawn, &settings) }))
+            Ok(Some(FrameReport { passes: passes.passes(), ..engine.made(start, request, drawn, &settings) }))
         })
     }
 
     fn in_turn(
         &mut self,
         backend: Backend,
-        draw: impl FnOnce(&mut Engine) -> Result<Option<Made>>,
-    ) -> Result<Option<Made>> {
+        draw: impl FnOnce(&mut Engine) -> Result<Option<FrameReport>>,
+    ) -> Result<Option<FrameReport>> {
         // The twins use no driver.
-        *self.held.borrow_mut() = (backend != Backend::Cpu).then(|| self.turn.take());
+        *self.held.borrow_mut() = (backend != Backend::Cpu).then(|| self.driver_lock.take());
         let made = draw(self);
         *self.held.borrow_mut() = None;
         made
@@ -217,12 +222,13 @@ impl Engine {
 
     /// Gives others their turn between two parts of a picture; whether the rest is wanted.
     fn pause(&self, until: Until) -> Rc<dyn Fn() -> bool> {
-        let (turn, held, wanted) = (Arc::clone(&self.turn), Rc::clone(&self.held), Rc::clone(&self.wanted));
+        let (driver_lock, held, wanted) =
+            (Arc::clone(&self.driver_lock), Rc::clone(&self.held), Rc::clone(&self.wanted));
         Rc::new(move || {
             let had = held.borrow_mut().take();
             if had.is_some() {
                 drop(had);
-                *held.borrow_mut() = Some(turn.take());
+                *held.borrow_mut() = Some(driver_lock.take());
             }
             match until {
                 Until::Done => true,
@@ -246,7 +252,7 @@ impl Engine {
             return Ok(None);
         }
         // What follows is the context's, even after the twins.
-        self.held.borrow_mut().get_or_insert_with(|| self.turn.take());
+        self.held.borrow_mut().get_or_insert_with(|| self.driver_lock.take());
         Ok(Some(drawn))
     }
 
@@ -259,9 +265,9 @@ impl Engine {
         }
     }
 
-    fn made(&self, start: Instant, request: &Request, drawn: Rendering, settings: &Settings) -> Made {
+    fn made(&self, start: Instant, request: &Request, drawn: Rendering, settings: &Settings) -> FrameReport {
         let devices = self.pipeline.as_ref().map(|pipeline| pipeline.devices.clone()).unwrap_or_default();
-        Made {
+        FrameReport {
             times: drawn.times,
             frame_ms: start.elapsed().as_secs_f64() * 1e3,
             skipped: drawn.skipped,
@@ -287,7 +293,7 @@ impl Engine {
     /// # Errors
     /// [`crate::error::Error::Device`] when the driver refuses.
     pub fn copy_to(&self, picture: &mut Picture) -> Result<()> {
-        let _held = self.turn.take();
+        let _held = self.driver_lock.take();
         self.mean.copy_to(picture)
     }
 
@@ -296,7 +302,7 @@ impl Engine {
     /// # Errors
     /// [`crate::error::Error::Failed`] before the first pass.
     pub fn read(&self) -> Result<Image> {
-        let _held = self.turn.take();
+        let _held = self.driver_lock.take();
         self.mean.read()
     }
 
@@ -307,8 +313,8 @@ impl Engine {
 
     /// Lets go of all that belongs to the context, at its turn.
     pub fn close(self) {
-        let turn = Arc::clone(&self.turn);
-        let _held = turn.take();
+        let driver_lock = Arc::clone(&self.driver_lock);
+        let _held = driver_lock.take();
         drop(self);
     }
 }

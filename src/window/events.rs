@@ -48,13 +48,13 @@ impl Open {
                 self.wants_paint = true;
             }
             // Keys that go up elsewhere are not seen here.
-            WindowEvent::Focused(false) => self.hands.release_all(),
+            WindowEvent::Focused(false) => self.input.release_all(),
             WindowEvent::ModifiersChanged(modifiers) => self.modifiers = modifiers.state(),
             WindowEvent::KeyboardInput { event: key, .. } => {
                 let down = key.state == ElementState::Pressed;
                 let control = self.modifiers.control_key();
                 if let Some((axis, sign)) = keys::flight(key.physical_key).filter(|_| !control && (!typing || !down)) {
-                    self.hands.key(axis, sign, down);
+                    self.input.key(axis, sign, down);
                 }
                 if down && !key.repeat && !typing {
                     let shift = self.modifiers.shift_key();
@@ -67,14 +67,14 @@ impl Open {
             WindowEvent::CursorMoved { position, .. } => {
                 let scale = self.egui.egui_ctx.pixels_per_point();
                 let at = egui::pos2(position.x as f32 / scale, position.y as f32 / scale);
-                if self.hands.moved(at, self.area, &mut self.state) {
+                if self.input.moved(at, self.area, &mut self.state) {
                     self.wants_paint = true;
                 }
             }
             WindowEvent::MouseInput { state: ElementState::Pressed, button, .. } if !over_panel => {
-                self.hands.pressed(*button, self.modifiers.shift_key(), self.area, &mut self.state);
+                self.input.pressed(*button, self.modifiers.shift_key(), self.area, &mut self.state);
             }
-            WindowEvent::MouseInput { state: ElementState::Released, button, .. } => self.hands.released(*button),
+            WindowEvent::MouseInput { state: ElementState::Released, button, .. } => self.input.released(*button),
             WindowEvent::MouseWheel { delta, .. } if !over_panel => {
                 let notches = match delta {
                     MouseScrollDelta::LineDelta(_, y) => f64::from(*y),

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use egui::{Color32, Rect, Sense, Ui, pos2, vec2};
 
-use super::engine::Made;
+use super::engine::FrameReport;
 
 /// Frames that are remembered.
 const LENGTH: usize = 120;
@@ -26,7 +26,7 @@ pub struct History {
 
 impl History {
     /// Remembers a frame.
-    pub fn push(&mut self, made: &Made) {
+    pub fn push(&mut self, made: &FrameReport) {
         if self.frames.len() == LENGTH {
             self.frames.pop_front();
         }

@@ -1,12 +1,12 @@
 //! What a worker is asked for, how far it has come with it, and what comes next. No thread in here.
 
-use super::engine::{Engine, Made};
+use super::engine::{Engine, FrameReport};
 use super::level::{self, Level};
 use super::markers;
 use super::request::{Key, Request};
 use crate::error::Result;
 use crate::film::REPLICATES;
-use crate::progressive::Progressive;
+use crate::pipeline::progressive::Progressive;
 
 /// How good a picture shall become.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,7 +47,7 @@ pub struct Doing {
     /// It cannot be drawn.
     pub failed: bool,
     /// What is in the mean.
-    pub made: Option<Made>,
+    pub made: Option<FrameReport>,
     /// The picture is right, but it has to be shown once more.
     again: bool,
 }
@@ -143,19 +143,19 @@ impl Doing {
     }
 
     /// Learns what was made.
-    pub fn learn(&mut self, made: Made) {
+    pub fn learn(&mut self, made: FrameReport) {
         if made.passes == 0 {
             self.halved |= made.level == HALF;
             self.full |= made.level == Level::FULL;
         }
-        self.made = Some(Made { error: self.estimate(), ..made });
+        self.made = Some(FrameReport { error: self.estimate(), ..made });
     }
 
     /// One more pass; nothing where it was not wanted any more before it was done.
     ///
     /// # Errors
     /// What the backend meets.
-    pub fn pass(&mut self, engine: &mut Engine) -> Result<Option<Made>> {
+    pub fn pass(&mut self, engine: &mut Engine) -> Result<Option<FrameReport>> {
         let request = &self.job.request;
         let passes = match &mut self.passes {
             Some(passes) => passes,

@@ -63,7 +63,7 @@ pub const TABLE: &[(&str, &str, Action)] = &[
 ];
 
 /// What the mouse and the keys of flight do, for F1.
-pub const HANDS: &[(&str, &str)] = &[
+pub const GESTURES: &[(&str, &str)] = &[
     ("left drag", "orbit; on a light or a sphere: move it"),
     ("middle drag, Shift + left drag", "pan"),
     ("wheel", "nearer, farther"),

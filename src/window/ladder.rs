@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::level::{COARSE, FEWER, HALF, Level};
-use super::typical::{JUDGED, Typical};
+use super::recent_costs::{JUDGED, RecentCosts};
 
 /// Milliseconds that a frame may take on a GPU, and in software.
 const BUDGETS: [f64; 2] = [33.0, 100.0];
@@ -67,9 +67,9 @@ pub struct Ladder {
     pub budget: f64,
     level: Level,
     /// What pixels would take at full resolution, with as many photons as there are.
-    full: Typical,
+    full: RecentCosts,
     /// What making all photons would take.
-    made: Typical,
+    made: RecentCosts,
     roomy: u32,
     roomy_photons: u32,
     /// Frames that took too long though nothing but gathering is left to drop.
@@ -94,8 +94,8 @@ impl Ladder {
         Ladder {
             budget,
             level: START,
-            full: Typical::default(),
-            made: Typical::default(),
+            full: RecentCosts::default(),
+            made: RecentCosts::default(),
             roomy: 0,
             roomy_photons: 0,
             slow: 0,
@@ -140,7 +140,7 @@ impl Ladder {
     /// Another number of photons, which are gathered otherwise.
     fn set_fewer(&mut self, fewer: usize) {
         self.level.fewer = fewer;
-        self.full = Typical::default();
+        self.full = RecentCosts::default();
         (self.roomy, self.roomy_photons) = (0, 0);
     }
 
@@ -162,7 +162,7 @@ impl Ladder {
                 if self.slow >= PATIENCE {
                     (self.level.no_gathering, self.slow) = (true, 0);
                     self.level.coarse = START.coarse;
-                    self.full = Typical::default();
+                    self.full = RecentCosts::default();
                 }
             }
             None => self.level.coarse = LAST,
@@ -208,7 +208,7 @@ impl Ladder {
             self.fewer_from = None;
             if took > before * FIXED {
                 self.photons_fixed = true;
-                self.made = Typical::default();
+                self.made = RecentCosts::default();
                 self.set_fewer(from);
                 return true;
             }
@@ -218,7 +218,7 @@ impl Ladder {
             self.fewer_from = Some((self.level.fewer, took));
             let fits = |fewer: &usize| took * now / f64::from(FEWER[*fewer]) <= share;
             let fewer = (self.level.fewer + 1..FEWER.len()).find(fits).unwrap_or(FEWER.len() - 1);
-            self.made = Typical::default();
+            self.made = RecentCosts::default();
             self.set_fewer(fewer);
             return true;
         }
@@ -243,7 +243,7 @@ impl Ladder {
     /// Things rest: gathering may be tried again when they move next.
     pub fn rested(&mut self) {
         if std::mem::take(&mut self.level.no_gathering) {
-            self.full = Typical::default();
+            self.full = RecentCosts::default();
         }
         self.photons_fixed = false;
     }

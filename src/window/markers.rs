@@ -3,11 +3,11 @@
 
 use glam::{DVec3, Vec3};
 
-use crate::cpu::scene::SceneTables;
 use crate::error::Result;
-use crate::features::Features;
-use crate::layout::{Face, Gather, PhotonPosition, PhotonPower, Region, Tile};
 use crate::pipeline::Pipeline;
+use crate::program::features::Features;
+use crate::rays::scene::SceneTables;
+use crate::records::{Face, Gather, PhotonPosition, PhotonPower, Region, Tile};
 use crate::scene::Scene;
 use crate::settings::Settings;
 use crate::stage::map::MapView;

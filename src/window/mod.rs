@@ -8,7 +8,7 @@
 //! The window's thread handles input and paints what is finished; it never renders and never waits. Each *worker* has a
 //! thread and a GL context of its own that shares textures with the window's: it draws the latest [`Request`] within
 //! the frame budget while things move ([`ladder`]), and refines it pass by pass when they rest, with the passes of
-//! [`crate::progressive`]. What needs programs that are not built yet goes to a second worker, and comes to the front
+//! [`crate::pipeline::progressive`]. What needs programs that are not built yet goes to a second worker, and comes to the front
 //! with its first picture; final gathering has a third one, whose passes are shown once they are better than what moved.
 
 pub mod history;
@@ -25,9 +25,11 @@ pub mod script;
 pub mod watch;
 
 mod app;
+mod driver_lock;
 mod engine;
 mod events;
-mod hands;
+mod exchange;
+mod input;
 mod job;
 mod open;
 mod overlay;
@@ -35,12 +37,11 @@ mod painting;
 mod pane;
 mod panel;
 mod player;
+mod recent_costs;
 mod request;
 mod state;
 mod summary;
 mod thread;
-mod turn;
-mod typical;
 mod worker;
 
 pub use app::run;

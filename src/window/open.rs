@@ -10,26 +10,29 @@ use winit::event_loop::{ActiveEventLoop, EventLoopProxy};
 use winit::keyboard::ModifiersState;
 use winit::window::Window;
 
-use super::app::Wake;
+use super::driver_lock::DriverLock;
 use super::engine::PIECE;
-use super::hands::Hands;
+use super::exchange::{News, Terms};
 use super::history::History;
+use super::input::Input;
 use super::job::{Goal, Job};
 use super::markers::Wanted;
-use super::painting::PANEL;
 use super::pane::Pane;
+use super::panel;
 use super::player::{Player, Recording};
 use super::request::Request;
 use super::state::State;
 use super::summary::{Options, Summary};
-use super::turn::Turn;
 use super::watch::Watch;
-use super::worker::{News, Terms};
+use crate::device::gl::{Present, Windowed};
+use crate::device::submissions;
 use crate::error::Result;
-use crate::gl::{Present, Windowed};
-use crate::pace;
 use crate::settings::Backend;
-use crate::technique::Kind;
+use crate::techniques::Kind;
+
+/// A worker has something.
+#[derive(Debug)]
+pub struct Wake;
 
 /// Things rest when nothing has moved for so long.
 const REST: Duration = Duration::from_millis(150);
@@ -51,7 +54,7 @@ pub struct Open {
     /// What the user has set.
     pub state: State,
     /// What the mouse and the keys of flight are doing.
-    pub hands: Hands,
+    pub input: Input,
     /// Shift, control and their like.
     pub modifiers: ModifiersState,
     /// Times of the last frames.
@@ -95,7 +98,7 @@ pub struct Fitted {
 impl Fitted {
     /// The window's size at a scale: the picture has its pixels, the panel its points.
     pub fn size(self, scale: f64) -> PhysicalSize<u32> {
-        let beside = if self.panel { (f64::from(PANEL) * scale).round() as u32 } else { 0 };
+        let beside = if self.panel { (f64::from(panel::WIDTH) * scale).round() as u32 } else { 0 };
         PhysicalSize::new(self.picture[0] + beside, self.picture[1])
     }
 }
@@ -113,9 +116,9 @@ impl Open {
         let windowed = Windowed::new(events, attributes)?;
         let software = windowed.current.is_software;
         // Others get their turn between two pieces of a picture, and so does a newer request.
-        pace::set_aim(PIECE);
-        let turn = Arc::new(Turn::new(software));
-        let held = turn.take();
+        submissions::set_aim(PIECE);
+        let driver_lock = Arc::new(DriverLock::new(software));
+        let held = driver_lock.take();
         let present = Present::new(&windowed.current.gl)?;
         let egui = EguiGlow::new(events, windowed.functions(), None, None, false);
         // Nothing is painted anew without a reason, so what fades in would stay half faded.
@@ -125,7 +128,7 @@ impl Open {
         let terms = Terms {
             machine: options.machine.clone(),
             budget: options.budget.ms(software),
-            turn,
+            driver_lock,
             // An event loop that is gone needs no waking.
             wake: Arc::new(move || drop(proxy.send_event(Wake))),
         };
@@ -150,7 +153,7 @@ impl Open {
             windowed,
             terms,
             state,
-            hands: Hands::default(),
+            input: Input::default(),
             modifiers: ModifiersState::empty(),
             history: History::default(),
             asked: [None, None],
@@ -176,8 +179,8 @@ impl Open {
             self.record(summary);
         }
         self.panes = [None, None]; // waits for their threads
-        let turn = Arc::clone(&self.terms.turn);
-        let _held = turn.take();
+        let driver_lock = Arc::clone(&self.terms.driver_lock);
+        let _held = driver_lock.take();
         self.egui.destroy();
         drop(self);
     }
@@ -188,10 +191,10 @@ impl Open {
     /// What ends the window: the display is gone, or the driver gives no context.
     pub fn step(&mut self, summary: &mut Summary, started: Instant) -> Result<Instant> {
         let now = Instant::now();
-        let flying = !self.hands.flight().is_still();
+        let flying = !self.input.flight().is_still();
         if flying && now - self.ticked >= TICK {
             let seconds = (now - self.ticked).min(Duration::from_millis(100)).as_secs_f64();
-            self.state.hand.fly(self.hands.flight(), seconds, self.modifiers.shift_key());
+            self.state.hand.fly(self.input.flight(), seconds, self.modifiers.shift_key());
             self.ticked = now;
         } else if !flying {
             self.ticked = now;

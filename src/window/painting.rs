@@ -8,11 +8,8 @@ use super::open::Open;
 use super::pane::Pane;
 use super::summary::Summary;
 use super::{overlay, panel};
+use crate::device::gl::Shown;
 use crate::error::Result;
-use crate::gl::Shown;
-
-/// The panel's width, points.
-pub const PANEL: f32 = 290.0;
 
 impl Open {
     /// Paints the window; false where a worker has the driver just now.
@@ -20,13 +17,13 @@ impl Open {
     /// # Errors
     /// [`crate::error::Error::Driver`] when the surface is gone.
     pub fn paint(&mut self, summary: &mut Summary) -> Result<bool> {
-        let turn = Arc::clone(&self.terms.turn);
-        let Some(_held) = turn.try_take() else { return Ok(false) };
+        let driver_lock = Arc::clone(&self.terms.driver_lock);
+        let Some(_held) = driver_lock.try_take() else { return Ok(false) };
         let window = Arc::clone(&self.windowed.window);
         let PhysicalSize { width, height } = window.inner_size();
         let mut asked = None;
         let mut area = self.area;
-        let (state, panes, hands) = (&mut self.state, &self.panes, &self.hands);
+        let (state, panes, input) = (&mut self.state, &self.panes, &self.input);
         let facts = panel::Facts {
             frames: [0, 1].map(|side| panes[side].as_ref().and_then(Pane::shown)),
             building: [0, 1].map(|side| panes[side].as_ref().is_some_and(Pane::is_building)),
@@ -36,7 +33,7 @@ impl Open {
         };
         self.egui.run(&window, |ui| {
             if state.panel {
-                egui::Panel::right("panel").exact_size(PANEL).resizable(false).show(ui, |ui| {
+                egui::Panel::right("panel").exact_size(panel::WIDTH).resizable(false).show(ui, |ui| {
                     asked = asked.or(panel::show(ui, state, &facts));
                 });
             }
@@ -45,7 +42,7 @@ impl Open {
                 pane.iter().for_each(|pane| overlay::draw(ui.painter(), area, state, side, pane));
             }
             overlay::name_sides(ui.painter(), area, state);
-            let hovered = if ui.ctx().egui_wants_pointer_input() { None } else { hands.over(area, state) };
+            let hovered = if ui.ctx().egui_wants_pointer_input() { None } else { input.over(area, state) };
             overlay::lights(ui.painter(), area, state, hovered);
             if hovered.is_some() {
                 ui.ctx().set_cursor_icon(egui::CursorIcon::Grab);

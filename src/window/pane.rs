@@ -5,13 +5,14 @@
 
 use std::sync::Arc;
 
+use super::exchange::{Frame, News, Terms};
 use super::job::{Goal, Job};
 use super::level::Level;
 use super::markers::Markers;
 use super::request::Request;
-use super::worker::{Frame, News, Terms, Worker};
+use super::worker::Worker;
+use crate::device::gl::{Spare, Texture};
 use crate::error::Result;
-use crate::gl::{Spare, Texture};
 use crate::settings::Backend;
 
 /// A picture and those who make it.

@@ -3,13 +3,16 @@
 use egui::{CollapsingHeader, Color32, DragValue, RichText, Ui};
 use glam::DVec3;
 
+use super::exchange::Frame;
 use super::history::History;
-use super::keys::{Action, HANDS, TABLE};
+use super::keys::{Action, GESTURES, TABLE};
 use super::state::{Right, State, light_name};
-use super::worker::Frame;
-use crate::gl::ToneMap;
+use crate::device::gl::ToneMap;
 use crate::settings::{Amount, Backend, LightMode, Method, Technique};
-use crate::technique::{Kind, default_technique};
+use crate::techniques::{Kind, default_technique};
+
+/// The panel's width, points.
+pub const WIDTH: f32 = 290.0;
 
 /// What the panel tells besides the state.
 pub struct Facts<'a> {
@@ -186,7 +189,7 @@ fn photons(ui: &mut Ui, state: &mut State) {
     ui.horizontal(|ui| {
         let mut own = settings.gather.tile.is_some();
         ui.checkbox(&mut own, "tile");
-        let mut tile = settings.gather.tile.unwrap_or(crate::tiling::TILE);
+        let mut tile = settings.gather.tile.unwrap_or(crate::plan::tiling::TILE);
         for side in &mut tile {
             ui.add_enabled(own, DragValue::new(side).range(4..=1024).suffix(" px"));
         }
@@ -194,7 +197,7 @@ fn photons(ui: &mut Ui, state: &mut State) {
     });
     if settings.gather.method == Method::Knn {
         ui.horizontal(|ui| {
-            ui.add(DragValue::new(&mut settings.gather.nearest).range(1..=crate::gathering::MAX_NEAREST));
+            ui.add(DragValue::new(&mut settings.gather.nearest).range(1..=crate::program::gathering::MAX_NEAREST));
             ui.label("nearest photons");
         });
     }
@@ -319,7 +322,7 @@ pub fn help(ui: &Ui, open: &mut bool) {
     egui::Window::new("Keys and mouse").open(open).resizable(false).vscroll(true).show(ui.ctx(), |ui| {
         egui::Grid::new("keys").striped(true).show(ui, |ui| {
             let keys = TABLE.iter().map(|(key, what, _)| (*key, *what));
-            for (key, what) in HANDS.iter().copied().chain(keys) {
+            for (key, what) in GESTURES.iter().copied().chain(keys) {
                 ui.label(RichText::new(key).strong());
                 ui.label(what);
                 ui.end_row();

@@ -4,12 +4,12 @@ use std::io::Write as _;
 use std::path::PathBuf;
 use std::time::Instant;
 
+use super::exchange::Frame;
 use super::pane::Pane;
 use super::replay::{Counting, Replayed};
 use super::request::Request;
 use super::script::{Recorder, Script};
 use super::state::State;
-use super::worker::Frame;
 use crate::error::Result;
 use crate::film::write_beside;
 use crate::scene::Scene;

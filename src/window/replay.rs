@@ -5,21 +5,21 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::engine::{Engine, Made, PIECE, Until};
+use super::driver_lock::DriverLock;
+use super::engine::{Engine, FrameReport, PIECE, Until};
 use super::ladder::{Budget, Ladder};
 use super::level::{COARSE, FEWER, Level};
 use super::percentiles::{Percentiles, resident_bytes};
 use super::request::Request;
 use super::script::Script;
-use super::turn::Turn;
-use crate::census::{Kind, alive};
+use crate::device::gl::{Headless, Picture};
+use crate::device::live_objects::{Kind, alive};
+use crate::device::submissions;
 use crate::error::Result;
-use crate::gl::{Headless, Picture};
-use crate::pace;
 use crate::pipeline::{Machine, Times};
 use crate::scene::Scene;
 use crate::settings::{Backend, Method, Settings};
-use crate::technique::Wish;
+use crate::techniques::Wish;
 
 /// What a replay took.
 #[derive(Clone, Debug, Default, serde::Serialize)]
@@ -87,7 +87,7 @@ impl Counting {
     }
 
     /// A picture that took so long, of `frames` in all.
-    pub fn add(&mut self, ms: f64, made: &Made, frames: usize) {
+    pub fn add(&mut self, ms: f64, made: &FrameReport, frames: usize) {
         self.photons = made.photons.map_or(0, |photons| photons.stored);
         let name = made.level.describe();
         let rank = self.slowest.partition_point(|slow| slow.ms >= ms);
@@ -167,10 +167,10 @@ pub fn replay(
     notice: impl FnMut(&str) + 'static,
 ) -> Result<Replayed> {
     let headless = Headless::new()?;
-    pace::set_aim(PIECE); // as in the window
-    let turn = Arc::new(Turn::new(false)); // there is one thread
+    submissions::set_aim(PIECE); // as in the window
+    let driver_lock = Arc::new(DriverLock::new(false)); // there is one thread
     let wanted = Rc::new(|| true);
-    let mut engine = Engine::new(headless.current(), machine.clone(), turn, wanted, Box::new(notice))?;
+    let mut engine = Engine::new(headless.current(), machine.clone(), driver_lock, wanted, Box::new(notice))?;
     let mut settings = settings.clone();
     if settings.gather.method == Method::Auto {
         settings.gather.method = Method::Grid; // as in the window

@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use crate::features::{Features, is_divided};
-use crate::gathering::Gathering;
-use crate::pack::Packed;
+use crate::program::features::{Features, is_divided};
+use crate::program::gathering::Gathering;
+use crate::records::packing::Packed;
 use crate::scene::{Camera, Scene};
 use crate::settings::{Amount, Backend, DensityKernel, LightMode, Method, Settings, Technique};
-use crate::technique::Wish;
+use crate::techniques::Wish;
 
 use super::level::Level;
 
@@ -60,7 +60,7 @@ impl Request {
             method: self.settings.gather.method,
             kernel: self.settings.gather.kernel,
             light: self.settings.light,
-            gathering: Gathering::of(&packed.objects, packed.sphere_count, is_divided(&self.scene)),
+            gathering: Gathering::of(&packed.shapes, packed.sphere_count, is_divided(&self.scene)),
         }
     }
 

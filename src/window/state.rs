@@ -8,10 +8,10 @@ use super::markers;
 use super::orbit::Controller;
 use super::pick::{self, Thing};
 use super::request::Request;
-use crate::gl::ToneMap;
+use crate::device::gl::ToneMap;
 use crate::scene::Scene;
 use crate::settings::{Backend, LightMode, Method, Settings};
-use crate::technique::{Kind, Wish};
+use crate::techniques::{Kind, Wish};
 
 /// The right picture of two: what differs from the left one.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -8,7 +8,7 @@ use super::script::Script;
 use crate::pipeline::Machine;
 use crate::scene::Scene;
 use crate::settings::Settings;
-use crate::technique::Wish;
+use crate::techniques::Wish;
 
 /// How the window begins.
 pub struct Options {

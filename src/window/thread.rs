@@ -8,15 +8,15 @@ use std::sync::{Arc, PoisonError};
 use std::time::Instant;
 
 use super::engine::{Engine, Until};
+use super::exchange::{Frame, FrameLease, News, Shared, Terms, lock};
 use super::job::{Doing, Goal, Job, Step};
 use super::ladder::Ladder;
 use super::markers::Markers;
 use super::request::Request;
-use super::worker::{Frame, Lent, News, Shared, Terms, lock};
+use crate::device::gl::{Picture, Spare};
 use crate::error::Result;
 use crate::film::SaveOptions;
-use crate::gl::{Picture, Spare};
-use crate::progressive;
+use crate::pipeline::progressive;
 
 /// Pictures in flight: one shown, one waiting to be, one in the making.
 const SLOTS: usize = 3;
@@ -26,7 +26,7 @@ const SLOTS: usize = 3;
 /// # Errors
 /// What the drivers say to another context.
 pub fn work(spare: Spare, terms: &Terms, shared: &Arc<Shared>) -> Result<()> {
-    let held = terms.turn.take();
+    let held = terms.driver_lock.take();
     let aside = spare.open()?;
     drop(held);
     let notices = Arc::clone(shared);
@@ -40,7 +40,7 @@ pub fn work(spare: Spare, terms: &Terms, shared: &Arc<Shared>) -> Result<()> {
         let other = inbox.job.as_ref().is_some_and(|job: &Job| current.borrow().as_ref() != Some(&job.request));
         !inbox.quit && !inbox.halt && !other
     });
-    let engine = Engine::new(aside.current(), terms.machine.clone(), Arc::clone(&terms.turn), wanted, notice)?;
+    let engine = Engine::new(aside.current(), terms.machine.clone(), Arc::clone(&terms.driver_lock), wanted, notice)?;
     lock(&shared.outbox).free = (0..SLOTS).collect();
     let mut thread = Thread {
         engine,
@@ -53,11 +53,11 @@ pub fn work(spare: Spare, terms: &Terms, shared: &Arc<Shared>) -> Result<()> {
     };
     thread.run();
     let Thread { engine, slots, .. } = thread;
-    let held = terms.turn.take();
+    let held = terms.driver_lock.take();
     drop(slots);
     drop(held);
     engine.close();
-    let _held = terms.turn.take();
+    let _held = terms.driver_lock.take();
     drop(aside);
     Ok(())
 }
@@ -151,7 +151,7 @@ impl Thread<'_> {
         }
     }
 
-    /// Hands the mean to the window, with what is drawn over it.
+    /// Input the mean to the window, with what is drawn over it.
     fn publish(&mut self) {
         let Some((doing, made)) = self.doing.as_ref().and_then(|doing| Some((doing, doing.made.clone()?))) else {
             return;
@@ -159,7 +159,7 @@ impl Thread<'_> {
         let request = doing.job.request.clone();
         let markers = match (&doing.job.markers, self.engine.pipeline()) {
             (Some(wanted), Some(pipeline)) => {
-                let _held = self.terms.turn.take();
+                let _held = self.terms.driver_lock.take();
                 Markers::collect(pipeline, &request.scene, &request.settings, wanted).ok().map(Arc::new)
             }
             _ => None,
@@ -169,13 +169,13 @@ impl Thread<'_> {
         let missed = lock(&self.shared.outbox).frame.take();
         drop(missed);
         let Some(slot) = lock(&self.shared.outbox).free.pop() else { return };
-        let _lent = Lent { slot, owner: Arc::downgrade(self.shared) };
+        let _lease = FrameLease { slot, owner: Arc::downgrade(self.shared) };
         if let Err(error) = self.engine.copy_to(&mut self.slots[slot]) {
             lock(&self.shared.outbox).news.push(News::Failed(error.to_string()));
         } else if let Some((texture, ..)) = self.slots[slot].texture() {
             let mut outbox = lock(&self.shared.outbox);
             outbox.known.insert(key);
-            outbox.frame = Some(Frame { request, texture, made, converged, markers, _lent });
+            outbox.frame = Some(Frame { request, texture, made, converged, markers, _lease });
         }
         (self.terms.wake)();
     }

@@ -12,7 +12,7 @@ use photile::settings::{Backend, LightMode, Settings};
 /// The report's scenes, of which there are references.
 pub const REPORT: [&str; 4] = ["gi_ref", "gi_two_lights", "sphere_and_plane", "color_bleeding"];
 
-/// Until this test ends, no other of this process has the drivers, nor what a process has once: [`photile::pace`]. PoCL
+/// Until this test ends, no other of this process has the drivers, nor what a process has once: the pace of its submissions. PoCL
 /// and llvmpipe share one LLVM and crash now and then when several threads compile at once. To be called before anything
 /// of a driver is opened, by the test's own thread, any number of times.
 pub fn one_at_a_time() {

@@ -1,7 +1,7 @@
 //! Backends against each other, on all shipped scenes.
 
 use photile::film::Image;
-use photile::metrics::{self, Within, flipped_pixels, measure_except};
+use photile::film::metrics::{self, Within, flipped_pixels, measure_except};
 use photile::settings::{Backend, Settings};
 
 use crate::common::{all_shipped, backends, direct, open, render, shipped};
@@ -103,7 +103,7 @@ fn opencl_on_a_cpu_gives_the_twins_very_bits() {
     // Same bytes in, same operations in the same order, no contraction: then every stage in between agrees too. A
     // GPU's division and root may be an ulp off, which the other tests allow for.
     let Some(mut opencl) = open(Backend::OpenCl) else { return };
-    let is_gpu = photile::cl::devices(None).unwrap()[0].is_gpu;
+    let is_gpu = photile::device::cl::devices(None).unwrap()[0].is_gpu;
     let mut cpu = open(Backend::Cpu).unwrap();
     for name in all_shipped() {
         let scene = shipped(&name);

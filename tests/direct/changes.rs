@@ -1,8 +1,8 @@
 //! What is redone after a change, and that the picture follows it.
 
 use glam::DVec3;
-use photile::change::Stage::{self, Compile, Grid, Photons, Textures, Tiles, Trace, Upload};
-use photile::features::Features;
+use photile::pipeline::change::Stage::{self, Compile, Grid, Photons, Textures, Tiles, Trace, Upload};
+use photile::program::features::Features;
 use photile::scene::{Scene, Sphere};
 use photile::settings::{Amount, LightMode, Settings};
 

@@ -2,7 +2,7 @@
 
 use glam::{DVec3, dvec3};
 use photile::film::Image;
-use photile::metrics::{self, Within, measure};
+use photile::film::metrics::{self, Within, measure};
 use photile::scene::Scene;
 
 use crate::common::{REPORT, backends, direct, render, shipped};

@@ -3,13 +3,13 @@
 use std::collections::{BTreeSet, HashSet};
 
 use glam::DVec3;
-use photile::cl;
+use photile::device::cl;
+use photile::device::gl::{Headless, Program};
 use photile::error::Error;
-use photile::features::{Features, Lights};
-use photile::gl::{Headless, Program};
+use photile::program::features::{Features, Lights};
+use photile::program::source::{Options, assemble, assemble_text};
 use photile::scene::{Camera, Material, Plane, PointLight, RenderDefaults, Scene, Sphere};
 use photile::settings::{LightMode, Settings};
-use photile::source::{Options, assemble, assemble_text};
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 

@@ -1,10 +1,10 @@
 //! Random numbers are the same integers on every backend, so samples lie in the very same places.
 
-use photile::cl::{self, Buffer};
-use photile::cpu::camera::{jitter_x, jitter_y};
-use photile::cpu::random::{hash_u, hash2_u, owen_scramble, sobol_second, unit_real};
-use photile::gl::{Headless, Program, Target};
-use photile::source::{Options, assemble_text};
+use photile::device::cl::{self, Buffer};
+use photile::device::gl::{Headless, Program, Target};
+use photile::program::source::{Options, assemble_text};
+use photile::rays::camera::{jitter_x, jitter_y};
+use photile::rays::random::{hash_u, hash2_u, owen_scramble, sobol_second, unit_real};
 
 use crate::common::{missing, one_at_a_time};
 

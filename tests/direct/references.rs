@@ -1,7 +1,7 @@
 //! Images against those of an independent tracer (`tests/golden/README.md`).
 
 use photile::film::Image;
-use photile::metrics::{self, Within, edge_pixels, measure_except};
+use photile::film::metrics::{self, Within, edge_pixels, measure_except};
 use photile::pipeline::Pipeline;
 use photile::scene::Scene;
 

@@ -9,9 +9,9 @@ pub fn parse(bytes: &[u8]) -> bool {
             assert!(finite && scene.spheres.iter().all(|s| s.radius > 0.0 && s.material < scene.materials.len()));
             assert!(scene.planes.iter().all(|p| p.offset.is_finite() && p.material < scene.materials.len()));
             // Packing must not meet a number that float32 cannot hold.
-            let packed = photile::pack::Packed::new(&scene, scene.camera.position);
+            let packed = photile::records::packing::Packed::new(&scene, scene.camera.position);
             let held = |v: &[f32]| v.iter().all(|x| x.is_finite());
-            assert!(packed.objects.iter().all(|o| held(&o.anchor) && o.extent.is_finite()));
+            assert!(packed.shapes.iter().all(|o| held(&o.anchor) && o.extent.is_finite()));
             assert!(packed.lights.iter().all(|l| held(&l.position) && held(&l.intensity)));
             true
         }

@@ -1,8 +1,8 @@
 //! A map's memory is what is said, and bounded.
 
-use photile::features::Features;
-use photile::memory::{PER_PHOTON, opencl_bytes};
+use photile::device::memory::{PER_PHOTON, opencl_bytes};
 use photile::pipeline::{Machine, Pipeline};
+use photile::program::features::Features;
 use photile::settings::{Amount, Backend, Gather, Method, Settings};
 
 use super::tiles::scene;

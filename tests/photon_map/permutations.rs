@@ -2,10 +2,10 @@
 
 use std::collections::BTreeSet;
 
-use photile::gathering::Gathering;
-use photile::gl::{Headless, Program};
+use photile::device::gl::{Headless, Program};
+use photile::program::gathering::Gathering;
+use photile::program::source::{Options, assemble};
 use photile::settings::{DensityKernel, Method};
-use photile::source::{Options, assemble};
 
 use super::device;
 use super::gathered::features;
@@ -53,7 +53,7 @@ fn every_gathering_compiles_in_opengl() {
             defines.push("SLICED".into());
         }
         let counts = (number % 4 < 2).then_some([2, 3]);
-        let features = photile::features::Features { glossy: number % 3 > 0, counts, ..features() };
+        let features = photile::program::features::Features { glossy: number % 3 > 0, counts, ..features() };
         let source = assemble("trace.frag", Some(&features), &Options { defines, ..Options::default() });
         Program::new(&headless.gl, &source).unwrap_or_else(|error| panic!("{gathering:?}: {error}"));
     }
@@ -68,7 +68,7 @@ fn every_two_choices_of_gathering_compile_in_opencl() {
         // One lane's vocabulary differs in the shim alone, which the kernels of other tests compile as well.
         let lanes = gathering.lanes(if number % 4 == 0 { 1 } else { context.device.lanes });
         let counts = (number % 8 < 4).then_some([2, 3]);
-        let features = photile::features::Features { glossy: number % 3 == 0, counts, ..features() };
+        let features = photile::program::features::Features { glossy: number % 3 == 0, counts, ..features() };
         let mut defines = gathering.defines();
         // As on a GPU, wherever that compiles.
         defines.extend(gathering.is_grouped(lanes, true).then(Gathering::group_defines).into_iter().flatten());

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use photile::error::Error;
 use photile::film::Image;
-use photile::metrics::{self, measure};
+use photile::film::metrics::{self, measure};
 use photile::pipeline::{Machine, Pipeline};
 use photile::scene::{Scene, load, parse};
 use photile::settings::{Amount, Backend, Gather, GridForm, LightMode, Method, Photons, Settings};

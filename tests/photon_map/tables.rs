@@ -1,9 +1,9 @@
 //! The device's tables are the twin's, bit for bit.
 
-use photile::cells::{CellSize, Form};
-use photile::cl::Context;
 use photile::cpu::grid::{GridTables, grid};
-use photile::layout::TEXEL;
+use photile::device::cl::Context;
+use photile::plan::cells::{CellSize, Form};
+use photile::records::TEXEL;
 use photile::stage::grid::{GridStage, Wanted};
 use photile::stage::photon_map::first;
 

@@ -2,10 +2,10 @@
 //! wide lenses, and from within photons' discs.
 
 use glam::DVec3;
-use photile::change::Stage;
-use photile::features::is_divided;
 use photile::film::Image;
+use photile::pipeline::change::Stage;
 use photile::pipeline::{Machine, Pipeline};
+use photile::program::features::is_divided;
 use photile::scene::{Plane, Scene};
 use photile::settings::{Amount, Backend, Gather, Method, Photons, Settings};
 use photile::stage::map::MapView;

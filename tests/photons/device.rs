@@ -2,13 +2,13 @@
 
 use std::rc::Rc;
 
-use photile::cl::{Buffer, Context, devices};
 use photile::cpu::grid::{PhotonSurface, face_of};
 use photile::cpu::photons::PhotonTables;
 use photile::cpu::scan::exclusive_scan;
-use photile::emission::{Amount, CELL_BITS, Emission, PART_BITS, Plan, Sampler};
+use photile::device::cl::{Buffer, Context, devices};
 use photile::error::Error;
-use photile::layout::{PhotonDirection, PhotonPosition, PhotonPower};
+use photile::rays::emission::{Amount, CELL_BITS, Emission, PART_BITS, Plan, Sampler};
+use photile::records::{PhotonDirection, PhotonPosition, PhotonPower};
 use photile::stage::photon_map::{PhotonMap, first};
 use photile::stage::photons::Photons;
 use photile::stage::scan::Scan;
@@ -59,7 +59,7 @@ fn same(a: &PhotonTables, b: &PhotonTables) -> bool {
 /// What a face says of a surface.
 fn surface_of(face: &f32) -> PhotonSurface {
     let side = if face % 2.0 == 0.0 { 1.0 } else { -1.0 };
-    PhotonSurface { object: (face / 2.0).floor(), side, bounce: f32::NAN }
+    PhotonSurface { shape: (face / 2.0).floor(), side, bounce: f32::NAN }
 }
 
 /// Share of the photons that land elsewhere: on another surface, or more than a millimetre away.

@@ -2,8 +2,8 @@
 
 use std::f64::consts::PI;
 
-use photile::cpu::walk::{sample_cosine, sample_ggx, smith_g1, unit_circle};
-use photile::emission::{Emission, Sampler};
+use photile::rays::emission::{Emission, Sampler};
+use photile::rays::walk::{sample_cosine, sample_ggx, smith_g1, unit_circle};
 
 use super::{Case, grey_box, paths, power_by_bounce};
 
@@ -170,7 +170,7 @@ fn the_lobe_reflects_its_directional_albedo() {
                     let turn = (f64::from(column) + 0.5) / f64::from(columns) * 2.0 * PI;
                     let sin_i = (1.0 - cos_i * cos_i).sqrt();
                     let light = glam::DVec3::new(sin_i * turn.cos(), sin_i * turn.sin(), cos_i).as_vec3();
-                    let value = photile::cpu::bsdf::ggx(normal, viewer, light, cos_o, light.z, alpha);
+                    let value = photile::rays::bsdf::ggx(normal, viewer, light, cos_o, light.z, alpha);
                     integral += f64::from(value) * cos_i * 2.0 * PI / f64::from(rows * columns);
                 }
             }

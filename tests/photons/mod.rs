@@ -6,11 +6,11 @@ mod open_scene;
 mod speed;
 
 use photile::cpu::photons::{PhotonTables, photons};
-use photile::cpu::scene::SceneTables;
-use photile::emission::{Amount, Emission, Plan, Sampler};
 use photile::error::Result;
-use photile::features::Features;
-use photile::pack::Packed;
+use photile::program::features::Features;
+use photile::rays::emission::{Amount, Emission, Plan, Sampler};
+use photile::rays::scene::SceneTables;
+use photile::records::packing::Packed;
 use photile::scene::{Scene, parse};
 use photile::settings::Settings;
 

@@ -3,7 +3,7 @@
 use std::rc::Rc;
 use std::time::Instant;
 
-use photile::cl::{Context, devices};
+use photile::device::cl::{Context, devices};
 use photile::stage::photons::Photons;
 use photile::stage::scan::Scan;
 

@@ -1,8 +1,8 @@
 //! The same seed gives the same bytes: run after run, with any number of threads, however submissions are cut.
 
+use photile::device::submissions;
 use photile::film::Image;
-use photile::metrics::{self, measure};
-use photile::pace;
+use photile::film::metrics::{self, measure};
 use photile::pipeline::{Machine, Pipeline};
 use photile::settings::{Amount, Backend, FinalGather, Method, Settings, Technique};
 
@@ -73,13 +73,13 @@ fn cutting_does_not_show_and_bounds_what_a_submission_takes() {
         let wanted = Settings { width: 96, height: 72, ..settings(Method::Grid) };
         let whole = render(&mut pipeline, &scene, &wanted);
         // So short that every piece is as small as pieces get.
-        pace::set_aim(0.001);
-        pace::reset_longest();
+        submissions::set_aim(0.001);
+        submissions::reset_longest();
         let mut fresh = crate::common::open(pipeline.backend).unwrap();
         let cut = render(&mut fresh, &scene, &wanted);
-        pace::set_aim(0.0);
+        submissions::set_aim(0.0);
         assert!(bits(&cut) == bits(&whole), "{}", pipeline.backend.name());
-        assert!(pace::longest().0 > 0.0 || pipeline.backend == Backend::Cpu, "nothing was paced");
+        assert!(submissions::longest().0 > 0.0 || pipeline.backend == Backend::Cpu, "nothing was paced");
     }
 }
 
@@ -88,15 +88,15 @@ struct Everywhere;
 
 impl Everywhere {
     fn new() -> Everywhere {
-        pace::set_everywhere(true);
+        submissions::set_everywhere(true);
         Everywhere
     }
 }
 
 impl Drop for Everywhere {
     fn drop(&mut self) {
-        pace::set_everywhere(false);
-        pace::set_aim(0.0);
+        submissions::set_everywhere(false);
+        submissions::set_aim(0.0);
     }
 }
 
@@ -118,7 +118,7 @@ fn every_kernel_may_be_cut() {
             let Some(mut pipeline) = crate::common::open(backend) else { continue };
             let whole = render(&mut pipeline, &scene, &wanted);
             let _everywhere = Everywhere::new();
-            pace::set_aim(0.001);
+            submissions::set_aim(0.001);
             let mut fresh = crate::common::open(backend).unwrap();
             let cut = render(&mut fresh, &scene, &wanted);
             // Once more: now it is known how long everything takes.

@@ -3,12 +3,12 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
-use photile::cl::{self, Buffer, Context};
+use photile::device::cl::{self, Buffer, Context};
 use photile::error::Error;
 use photile::film::Image;
-use photile::metrics::{self, measure};
+use photile::film::metrics::{self, measure};
+use photile::program::source::{Options, assemble_text};
 use photile::settings::Backend;
-use photile::source::{Options, assemble_text};
 
 use super::one_at_a_time;
 use crate::common::missing;

@@ -4,7 +4,7 @@
 
 use std::time::{Duration, Instant};
 
-use photile::cpu::random::hash_u;
+use photile::rays::random::hash_u;
 
 #[path = "../fuzz/body.rs"]
 mod body;

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use glam::DVec3;
 use photile::film::Image;
-use photile::metrics::{self, Within, edge_pixels, measure_except};
+use photile::film::metrics::{self, Within, edge_pixels, measure_except};
 use photile::reference::{self, ReferenceLight, ReferenceSettings};
 use photile::scene::Scene;
 

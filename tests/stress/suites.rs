@@ -1,8 +1,8 @@
 //! Every suite holds, and every suite can fail.
 
-use photile::features::{Features, Lights};
+use photile::program::features::{Features, Lights};
+use photile::program::source as assembly;
 use photile::settings::Backend;
-use photile::source as assembly;
 use photile::stress::{Fault, Options, Report, Size, Suite, run};
 
 use super::one_at_a_time;
@@ -74,10 +74,10 @@ fn one_lane_compiles_too() {
         counts: None,
     };
     one_at_a_time();
-    let Ok(device) = photile::cl::devices(None).map(|mut devices| devices.remove(0)) else {
+    let Ok(device) = photile::device::cl::devices(None).map(|mut devices| devices.remove(0)) else {
         return crate::common::missing("OpenCL", &"no device");
     };
-    let context = photile::cl::Context::new(device).unwrap();
+    let context = photile::device::cl::Context::new(device).unwrap();
     for body in ["STRESS_INTERSECTION", "STRESS_LEAKS", "STRESS_RANDOM"] {
         for (two_sided, contracted) in [(false, false), (true, true)] {
             let options = assembly::Options { contracted, defines: vec![body.into()], ..assembly::Options::default() };

@@ -1,7 +1,7 @@
 //! What fills rows that a picture lacks when its time is over.
 
+use photile::device::gl::{Headless, Mean};
 use photile::film::Image;
-use photile::gl::{Headless, Mean};
 
 use crate::common;
 

@@ -4,7 +4,7 @@ use super::cases::RADIUS;
 use super::{Bench, STEP, Steps};
 use crate::error::{Error, Result};
 use crate::film::Image;
-use crate::metrics::{self, measure};
+use crate::film::metrics::{self, measure};
 use crate::scene::Scene;
 use crate::settings::{Amount, Backend, LightMode, Settings};
 

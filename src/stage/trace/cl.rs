@@ -4,21 +4,22 @@ use std::rc::Rc;
 
 use super::draws::{self, Draws, Query};
 use super::{Indirect, Pause, Permutation, Trace, check_count, out_of_order};
-use crate::cl::{Arg, Buffer, Context, Kernel};
+use crate::device::cl::{Arg, Buffer, Context, Kernel};
+use crate::device::submissions;
 use crate::error::Result;
 use crate::film::Image;
-use crate::gathering::Gathering;
-use crate::layout::{Frame, Gather, Light, LitPoint, Object, Site, SiteLattice, SiteSurface};
-use crate::pace;
-use crate::pack::Packed;
-use crate::source::{Options, assemble};
+use crate::program::gathering::Gathering;
+use crate::program::source::{Options, assemble};
+use crate::records::packing::Packed;
+use crate::records::{Frame, Gather, Light, LitPoint, Material, Shape, Site, SiteLattice, SiteSurface};
 use crate::stage::irradiance::IrradianceView;
 use crate::stage::map::MapView;
 
 /// Kernels alone.
 pub struct ClTrace {
     context: Rc<Context>,
-    objects: Option<Buffer<Object>>,
+    shapes: Option<Buffer<Shape>>,
+    materials: Option<Buffer<Material>>,
     lights: Option<Buffer<Light>>,
     frame: Buffer<Frame>,
     film: Option<(u32, u32, Buffer<[f32; 3]>)>,
@@ -73,11 +74,12 @@ impl ClTrace {
     /// [`crate::error::Error::Device`] when the device has no room.
     pub fn new(context: Rc<Context>) -> Result<ClTrace> {
         let (frame, lattice, slice) = (Buffer::new(&context, 1)?, Buffer::new(&context, 1)?, Buffer::new(&context, 1)?);
-        let (objects, lights, film, part, points, sites, active) = Default::default();
+        let (shapes, materials, lights, film, part, points, sites, active) = Default::default();
         let (pause, missing) = Default::default();
         Ok(ClTrace {
             context,
-            objects,
+            shapes,
+            materials,
             lights,
             frame,
             film,
@@ -109,7 +111,7 @@ impl ClTrace {
             }
             _ => None,
         };
-        let rounds = pace::cuts_all(self.context.device.is_gpu).then_some(draws::GPU);
+        let rounds = submissions::cuts_all(self.context.device.is_gpu).then_some(draws::GPU);
         Draws::within(rounds, frame, indirect, query)
     }
 }
@@ -142,7 +144,8 @@ impl Trace for ClTrace {
 
     fn upload(&mut self, packed: &Packed) -> Result<()> {
         check_count(packed)?;
-        self.objects = Some(Buffer::from_slice(&self.context, &packed.objects)?);
+        self.shapes = Some(Buffer::from_slice(&self.context, &packed.shapes)?);
+        self.materials = Some(Buffer::from_slice(&self.context, &packed.materials)?);
         self.lights = Some(Buffer::from_slice(&self.context, &packed.lights)?);
         Ok(())
     }
@@ -161,12 +164,12 @@ impl Trace for ClTrace {
         if let (Some(active), false) = (&mut self.active, draws.is_whole(frame)) {
             active.build_sliced(&self.context)?;
         }
-        let (Some(active), Some(objects), Some(lights), Some((_, _, film))) =
-            (&self.active, &self.objects, &self.lights, &self.film)
+        let (Some(active), Some(shapes), Some(materials), Some(lights), Some((_, _, film))) =
+            (&self.active, &self.shapes, &self.materials, &self.lights, &self.film)
         else {
             return Err(out_of_order("OpenCL"));
         };
-        let mut args: Vec<Arg> = vec![(&self.frame).into(), objects.into(), lights.into()];
+        let mut args: Vec<Arg> = vec![(&self.frame).into(), shapes.into(), materials.into(), lights.into()];
         match (active.permutation.gathering, indirect) {
             (None, Indirect::None) => {}
             (Some(gathering), Indirect::Map(MapView::Device { stored: Some(stored), tiles: Some(tiles), .. }))
@@ -227,7 +230,7 @@ impl Trace for ClTrace {
             |kernel: &Kernel, mut args: Vec<Arg>, frame: &Frame, film: &Buffer<[f32; 3]>| -> Result<Vec<[u32; 2]>> {
                 kernel.pace.expect(f64::from(width) * draws::work(frame, &indirect, gather.as_ref()));
                 // What is not cut goes on from a row to the next.
-                let stride = if kernel.pace.fits(blocks[1]) { 1 } else { pace::stride(bands as usize) };
+                let stride = if kernel.pace.fits(blocks[1]) { 1 } else { submissions::stride(bands as usize) };
                 let numbers = [width, height, bands, stride as u32].map(|n| Arg::Int(n as i32));
                 args.push(Arg::from(film));
                 args.extend(numbers);

@@ -8,9 +8,9 @@ use crate::cpu::final_gather::Gatherer;
 use crate::cpu::gather::PhotonMap;
 use crate::error::Result;
 use crate::film::Image;
-use crate::gathering::Gathering;
-use crate::layout::{Frame, Site, SiteSurface};
-use crate::pack::Packed;
+use crate::program::gathering::Gathering;
+use crate::records::packing::Packed;
+use crate::records::{Frame, Site, SiteSurface};
 use crate::stage::irradiance::IrradianceView;
 use crate::stage::map::MapView;
 
@@ -52,7 +52,7 @@ impl Trace for CpuTrace {
             self.film = Image::new(width, height);
         }
         let (Some(packed), Some(active)) = (&self.packed, &self.active) else { return Err(out_of_order("CPU")) };
-        let scene = cpu::scene::SceneTables::new(packed, &active.features);
+        let scene = crate::rays::scene::SceneTables::new(packed, &active.features);
         let indirect = match (indirect, &active.gathering, active.final_gather) {
             (Indirect::None, None, None) => cpu::trace::Indirect::None,
             (Indirect::Map(MapView::Host { plan, stored, grid, tiles }), Some(gathering), None) => {
@@ -80,7 +80,7 @@ impl Trace for CpuTrace {
     }
 
     fn bytes(&self) -> usize {
-        self.packed.as_ref().map_or(0, |p| size_of_val(&p.objects[..]) + size_of_val(&p.lights[..]))
+        self.packed.as_ref().map_or(0, |p| size_of_val(&p.shapes[..]) + size_of_val(&p.lights[..]))
             + size_of_val(&self.film.pixels[..])
     }
 }

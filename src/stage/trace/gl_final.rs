@@ -1,8 +1,8 @@
 //! Final gathering's tables on OpenGL: irradiance texels as textures, and the sites, which a shader draws.
 
+use crate::device::gl::{Functions, Program, TableTexture, Target};
 use crate::error::{Error, Result};
-use crate::gl::{Functions, Program, TableTexture, Target};
-use crate::layout::{Chart, LitPoint, Record, Site, SiteLattice, SiteSurface, TEXTURE_WIDTH_LOG2, Texel};
+use crate::records::{Chart, LitPoint, Record, Site, SiteLattice, SiteSurface, TEXTURE_WIDTH_LOG2, Texel};
 use crate::stage::irradiance::IrradianceView;
 
 /// What final gathering reads, as textures.

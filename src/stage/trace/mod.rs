@@ -13,12 +13,12 @@ pub use gl::GlTrace;
 use super::irradiance::IrradianceView;
 use super::map::MapView;
 use crate::error::{Error, Result};
-use crate::features::Features;
 use crate::film::Image;
-use crate::gathering::Gathering;
-use crate::lattice::FinalPass;
-use crate::layout::{Frame, MAX_EXACT_INDEX};
-use crate::pack::Packed;
+use crate::plan::site_lattice::FinalPass;
+use crate::program::features::Features;
+use crate::program::gathering::Gathering;
+use crate::records::packing::Packed;
+use crate::records::{Frame, MAX_EXACT_INDEX};
 
 /// What is compiled for a picture: the scene's features and, with photons, how they are gathered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -117,7 +117,7 @@ pub trait Trace {
     }
 
     /// The film as a texture of the current context, where it is one.
-    fn texture(&self) -> Option<crate::gl::Texture> {
+    fn texture(&self) -> Option<crate::device::gl::Texture> {
         None
     }
 
@@ -126,7 +126,7 @@ pub trait Trace {
 }
 
 fn check_count(packed: &Packed) -> Result<()> {
-    match packed.objects.len().max(packed.lights.len()) as u64 {
+    match packed.shapes.len().max(packed.lights.len()) as u64 {
         count if count >= MAX_EXACT_INDEX => Err(Error::Usage(format!(
             "{count} objects: indices travel as float values, which are exact below {MAX_EXACT_INDEX} only"
         ))),

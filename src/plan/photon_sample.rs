@@ -1,0 +1,11 @@
+//! A few of a map's photons, by which radius, cells and method are chosen.
+
+use crate::records::PhotonPosition;
+
+/// The first photons of a map, from which the rest is judged.
+pub struct Sample {
+    /// Where.
+    pub positions: Vec<PhotonPosition>,
+    /// On what: 2·object + (0 | 1).
+    pub faces: Vec<u32>,
+}

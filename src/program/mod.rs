@@ -1,0 +1,6 @@
+//! Programs: what a scene needs of them, and their assembled texts.
+
+pub mod features;
+pub mod gathering;
+pub mod kinds;
+pub mod source;
