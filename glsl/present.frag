@@ -6,7 +6,7 @@ uniform vec3 size; // of the picture, pixels; then: 2^EV
 uniform vec3 options; // 1: two pictures, 2: their difference; tone map; 0
 out vec4 color;
 
-// IEC 61966-2-1, as film.rs writes it into PNGs.
+// IEC 61966-2-1, as film/mod.rs makes it for PNGs.
 vec3 display_value(vec3 linear) {
     vec3 x = clamp(max(linear, 0.0), 0.0, 1.0);
     return mix(1.055 * pow(x, vec3(1.0 / 2.4)) - 0.055, 12.92 * x, lessThanEqual(x, vec3(0.0031308)));

@@ -46,7 +46,7 @@ float copysign(float magnitude, float sign_of) {
     return uintBitsToFloat((floatBitsToUint(magnitude) & 0x7fffffffu) | (floatBitsToUint(sign_of) & 0x80000000u));
 }
 
-// Tables are RGB32F textures whose records wrap into rows of a power-of-two width (layout.rs).
+// Tables are RGB32F textures whose records wrap into rows of a power-of-two width (records/texture_shape.rs).
 #define COLUMN(t) ((t) & (TEXTURE_WIDTH - 1))
 #define ROW(t) ((t) >> TEXTURE_WIDTH_LOG2)
 #ifdef SAMPLED
@@ -67,7 +67,7 @@ float copysign(float magnitude, float sign_of) {
 // A plain list of numbers, three to a texel.
 #define LIST(name) uniform sampler2DRect name;
 #define ENTRY(list, i) TEXEL(list, (i) / 3)[(i) % 3]
-// Small scenes are uniforms (layout.rs says how small).
+// Small scenes are uniforms (records/tables.rs says how small).
 #ifdef SCENE_IN_UNIFORMS
 #define SCENE_TABLE(name, texels) uniform vec3 name[texels];
 #define SCENE3(table, i, texels, t) table[(i) * (texels) + (t)]

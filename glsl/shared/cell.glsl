@@ -7,7 +7,7 @@
 // Dense: each face's cells fill the box of its own photons. Hashed (GRID_HASHED): a row begins at a hashed bucket of
 // a table that faces share (Teschner et al., "Optimized Spatial Hashing", VMV 2003). Rows of different v, w that share a
 // bucket are told apart by their photons' positions, which say what row they are in. Rows of the same v, w on different
-// faces begin farther apart than any query reaches (`hash_reach` of cells.rs); faces whose u and v are exchanged, where
+// faces begin farther apart than any query reaches (`hash_reach` of plan/cells); faces whose u and v are exchanged, where
 // the same numbers mean another place, have a table of their own.
 
 // u, v, w are x, y, z, except on planes across x: those have only one or two cells along x, so y takes its place.

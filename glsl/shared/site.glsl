@@ -3,7 +3,7 @@
 STRUCT(GatheredSite)
 struct GatheredSite {
     Vec3 irradiance;
-    Vec3 surface; // face, distance (layout.rs, SiteSurface)
+    Vec3 surface; // face, distance (records, SiteSurface)
 };
 
 INLINE GatheredSite gather_site(SCENE_PARAMS Int number) {

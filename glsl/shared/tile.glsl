@@ -37,7 +37,7 @@ Int find_region(SCENE_PARAMS Int tile, Int face, Vec3 point, Bool wanted) {
     Int own = pick_i(found >= 0, found, 0);
     Vec3 low = region_low(own);
     Vec3 high = region_high(own);
-    // Compilers round rays differently, most where these graze a surface. Lists reach farther than this (tiling.rs).
+    // Compilers round rays differently, most where these graze a surface. Lists reach farther than this (plan/tiling).
     Real slack = 1e-3f * gather_radius() + 5e-7f * (fabs(point.x) + fabs(point.y) + fabs(point.z));
     Bool inside = point.x >= low.x - slack && point.x <= high.x + slack && point.y >= low.y - slack &&
         point.y <= high.y + slack && point.z >= low.z - slack && point.z <= high.z + slack;

@@ -14,7 +14,7 @@ use crate::stress::validate::{Check, Readers, validate};
 /// Check the packing: upload every kind of record and read each field back, on every device
 #[derive(clap::Args)]
 pub struct Args {
-    /// Break one field's offset, such as object.color: the check must then fail
+    /// Break one field's offset, such as material.color: the check must then fail
     #[arg(long, value_name = "FIELD")]
     inject: Option<String>,
     /// Part of the name of the OpenCL device to use
@@ -36,7 +36,7 @@ struct Report {
 
 pub fn run(args: &Args) -> Result<()> {
     if let Some(field) = args.inject.as_deref().filter(|field| !is_field(field)) {
-        return Err(Error::Usage(format!("found --inject {field}, expected record.field, such as object.color")));
+        return Err(Error::Usage(format!("found --inject {field}, expected record.field, such as material.color")));
     }
     let missing = |error: Error| notice(&format!("not checked: {error}"));
     let readers = Readers {

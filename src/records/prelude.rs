@@ -5,11 +5,11 @@ use std::fmt::Write;
 use super::record::TEXEL;
 use super::tables::{Declaration, LISTS, RECORDS};
 
-/// The accessors as `#define`s: `object_color(i)` where lanes may ask for different records, and
-/// `object_color_same(i)` where all ask for the same; `object_color_scalar(i)` is that one value, not yet spread over
+/// The accessors as `#define`s: `material_color(i)` where lanes may ask for different records, and
+/// `material_color_same(i)` where all ask for the same; `material_color_scalar(i)` is that one value, not yet spread over
 /// the lanes; `frame_width()` for single records, whose triples have a `_scalar` form too.
 ///
-/// `inject` shifts that field (`object.color`) by one channel or texel, so that a test can see the checks fail.
+/// `inject` shifts that field (`material.color`) by one channel or texel, so that a test can see the checks fail.
 pub fn prelude(inject: Option<&str>) -> String {
     let mut text = String::new();
     for record in RECORDS {
@@ -52,7 +52,7 @@ pub fn prelude(inject: Option<&str>) -> String {
     text
 }
 
-/// Reads of every field of a table's records by its accessor, `FIELD3(0, object_anchor(i))`, for `validate`'s programs, which
+/// Reads of every field of a table's records by its accessor, `FIELD3(0, shape_anchor(i))`, for `validate`'s programs, which
 /// define `FIELD1` and `FIELD3`. `same` takes the accessors that load one record for all lanes.
 ///
 /// # Panics

@@ -18,9 +18,9 @@ pub struct Field {
 
 /// A record that is uploaded as RGB texels.
 pub trait Record: Pod {
-    /// Singular, prefix of the accessors: `object` gives `object_color(i)`.
+    /// Singular, prefix of the accessors: `material` gives `material_color(i)`.
     const NAME: &'static str;
-    /// Plural, the table's name on the device: `objects`.
+    /// Plural, the table's name on the device: `materials`.
     const TABLE: &'static str;
     /// In the order of declaration.
     const FIELDS: &'static [Field];

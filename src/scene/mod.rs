@@ -1,6 +1,6 @@
 //! What is rendered: camera, materials, lights, spheres and planes, in double precision as the file gave them.
 //!
-//! Right-handed, y up, metres. Colours are linear Rec. 709. Packing to float32 is `pack`'s task, not the scene's.
+//! Right-handed, y up, metres. Colours are linear Rec. 709. Packing to float32 is `packing`'s task, not the scene's.
 
 use glam::DVec3;
 

@@ -55,7 +55,7 @@ pub struct Readers {
     pub cl: Option<cl::Context>,
 }
 
-/// Checks all records at all counts, widths and ways; `inject` breaks the accessor of one field (`object.color`).
+/// Checks all records at all counts, widths and ways; `inject` breaks the accessor of one field (`material.color`).
 /// Each finished line goes to `done`.
 ///
 /// # Errors

@@ -154,7 +154,7 @@ fn wrong_usage_and_bad_input_exit_with_2() {
         (&["render", good, "--exposure", "inf", "-o", "x.exr"], &["exposure", "finite"]),
         (&["plan", good, "--source", "nope.frag"], &["nope.frag", "trace.frag", "trace.cl"]),
         (&["plan", good, "--source", "trace.cl", "--lanes", "3"], &["--lanes 3"]),
-        (&["validate", "--inject", "object.colour"], &["object.colour", "object.color"]),
+        (&["validate", "--inject", "material.colour"], &["material.colour", "material.color"]),
         (&["compare", &a, &b], &["a.png"]),
         (&["compare", good, good], &["gi_ref.toml"]),
         (&["compare", good, "--light", "direct", "-o", "no/such/map.png"], &["no/such"]),
@@ -363,11 +363,11 @@ fn compare_renders_on_every_backend() {
 
 #[test]
 fn an_injected_fault_fails_validation_and_is_named() {
-    let run = run(&["validate", "--inject", "object.color", "--json"]);
+    let run = run(&["validate", "--inject", "material.color", "--json"]);
     if run.stderr.contains("not checked") {
         return missing("OpenGL or OpenCL", &run.stderr);
     }
-    let run = run.ends(1, &["checks failed", "object 0, field color: expected"]);
+    let run = run.ends(1, &["checks failed", "material 0, field color: expected"]);
     let json = run.json();
     let wrong: Vec<&str> = json["wrong"].as_array().unwrap().iter().map(|wrong| wrong.as_str().unwrap()).collect();
     // By every way of reading, and for no other field.

@@ -42,7 +42,7 @@ fn photile(folder: &Path, arguments: &[&str]) -> Run {
     Run::of(command.current_dir(folder).args(arguments).output().unwrap())
 }
 
-/// With a fault of the device on purpose; see `src/fault.rs`.
+/// With a fault of the device on purpose; see `src/device/injected_faults.rs`.
 fn photile_with(fault: &str, folder: &Path, arguments: &[&str]) -> Run {
     let mut command = Command::new(env!("CARGO_BIN_EXE_photile"));
     Run::of(command.env("PHOTILE_FAULT", fault).current_dir(folder).args(arguments).output().unwrap())
