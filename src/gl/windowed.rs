@@ -19,7 +19,19 @@ use super::Current;
 use crate::error::{Error, Result};
 
 fn failed(what: &str, error: impl std::fmt::Display) -> Error {
-    Error::Driver(format!("window: {what}: {error}"))
+    Error::Driver(format!("window: {what}: {}", plain(error)))
+}
+
+/// An error of the window library without the place in its source that it begins with: a path of whoever built this.
+pub fn plain(error: impl std::fmt::Display) -> String {
+    let text = error.to_string();
+    let Some((_, rest)) = text.split_once("os error at ") else { return text };
+    // `FILE:LINE: what happened`
+    let mut parts = rest.splitn(3, ':');
+    match (parts.next(), parts.next().map(|line| line.trim().parse::<u32>()), parts.next()) {
+        (Some(_), Some(Ok(_)), Some(what)) => what.trim().to_string(),
+        _ => text,
+    }
 }
 
 /// A window's context, current on the thread that made it, and the surface that it shows on.
@@ -143,4 +155,15 @@ fn attributes_3_3() -> ContextAttributesBuilder {
     ContextAttributesBuilder::new()
         .with_profile(GlProfile::Core)
         .with_context_api(ContextApi::OpenGl(Some(Version::new(3, 3))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::plain;
+
+    #[test]
+    fn places_in_others_sources_are_left_out() {
+        assert_eq!(plain("os error at /home/x/.cargo/winit/src/mod.rs:765: no DISPLAY: none"), "no DISPLAY: none");
+        assert_eq!(plain("the compositor said no"), "the compositor said no");
+    }
 }

@@ -29,6 +29,7 @@ mod engine;
 mod events;
 mod hands;
 mod job;
+mod journal;
 mod open;
 mod overlay;
 mod painting;
@@ -36,6 +37,7 @@ mod pane;
 mod panel;
 mod player;
 mod request;
+mod screen;
 mod state;
 mod summary;
 mod thread;
@@ -44,5 +46,7 @@ mod typical;
 mod worker;
 
 pub use app::run;
+pub use journal::left_over;
 pub use request::{Key, Request};
+
 pub use summary::{Options, Summary};
