@@ -14,7 +14,7 @@
 //! What stands after the last line without an answer is what ended it.
 
 use std::collections::BTreeMap;
-use std::io::{Read, Write};
+use std::io::{BufRead as _, BufReader, Read, Write as _};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError, mpsc};
@@ -28,8 +28,11 @@ use crate::error::{Error, Result};
 /// The hidden command.
 pub const COMMAND: &str = "__probe-opencl";
 
-/// A driver that takes longer does not answer at all. Some compile for many seconds when their cache is empty.
-const PATIENCE: Duration = Duration::from_secs(60);
+/// A driver that takes longer until it has listed its devices does not answer at all; some need seconds for each.
+const PATIENCE_TO_LIST: Duration = Duration::from_secs(30);
+
+/// As above, until the tiny kernel has run: some compile for many seconds when their cache is empty.
+const PATIENCE: Duration = Duration::from_secs(90);
 
 /// What the child is asked.
 #[derive(clap::Args)]
@@ -213,30 +216,40 @@ fn listen(mut child: Child) -> (String, Option<String>) {
     let (sender, said) = mpsc::channel();
     let streams: [Option<Box<dyn Read + Send>>; 2] =
         [child.stdout.take().map(|s| Box::new(s) as _), child.stderr.take().map(|s| Box::new(s) as _)];
+    let mut open = 0;
     for (place, stream) in streams.into_iter().enumerate() {
-        let sender = sender.clone();
-        std::thread::spawn(move || {
-            let mut bytes = Vec::new();
-            if let Some(mut stream) = stream {
-                let _ = stream.read_to_end(&mut bytes); // what came before an error counts
+        let (sender, Some(stream)) = (sender.clone(), stream) else { continue };
+        let read = move || {
+            for line in BufReader::new(stream).split(b'\n').map_while(std::result::Result::ok) {
+                // The listener may have lost patience.
+                let _ = sender.send((place, Some(String::from_utf8_lossy(&line).into_owned())));
             }
-            // The listener may have lost patience.
-            let _ = sender.send((place, String::from_utf8_lossy(&bytes).into_owned()));
-        });
+            let _ = sender.send((place, None));
+        };
+        match std::thread::Builder::new().spawn(read) {
+            Ok(_) => open += 1,
+            Err(error) => {
+                let _ = child.kill(); // it may have ended just now
+                let _ = child.wait();
+                return (String::new(), Some(format!("cannot be tried: {error}")));
+            }
+        }
     }
     let mut texts = [String::new(), String::new()];
-    let until = Instant::now() + PATIENCE;
-    let mut late = false;
-    for _ in 0..2 {
-        let left = until.saturating_duration_since(Instant::now());
-        match said.recv_timeout(left) {
-            Ok((place, text)) => texts[place] = text,
-            Err(_) if !late => {
-                late = true;
-                let _ = child.kill(); // it may have ended just now
-                if let Ok((place, text)) = said.recv_timeout(Duration::from_secs(1)) {
-                    texts[place] = text;
+    let (begin, mut patience, mut late) = (Instant::now(), PATIENCE_TO_LIST, None);
+    while open > 0 {
+        match said.recv_timeout((begin + patience).saturating_duration_since(Instant::now())) {
+            Ok((place, Some(line))) => {
+                if place == 0 && line.starts_with("listed") {
+                    patience = PATIENCE;
                 }
+                texts[place] += &(line + "\n");
+            }
+            Ok((_, None)) => open -= 1,
+            Err(_) if late.is_none() => {
+                late = Some(patience);
+                let _ = child.kill(); // as above
+                patience = begin.elapsed() + Duration::from_secs(1); // for what it said before
             }
             Err(_) => break,
         }
@@ -244,11 +257,11 @@ fn listen(mut child: Child) -> (String, Option<String>) {
     let [facts, words] = texts;
     let status = child.wait();
     let words = last_words(&words);
-    let why = match status {
-        _ if late => Some(format!("does not answer for {} s{words}", PATIENCE.as_secs())),
-        Ok(status) if status.success() => None,
-        Ok(status) => Some(format!("{}{words}", ending(status))),
-        Err(error) => Some(format!("cannot be waited for: {error}")),
+    let why = match (status, late) {
+        (_, Some(patience)) => Some(format!("does not answer for {} s{words}", patience.as_secs())),
+        (Ok(status), None) if status.success() => None,
+        (Ok(status), None) => Some(format!("{}{words}", ending(status))),
+        (Err(error), None) => Some(format!("cannot be waited for: {error}")),
     };
     (facts, why)
 }

@@ -54,7 +54,7 @@ pub fn listen() {
         Ok(signals) => signals,
         Err(error) => return notice(&format!("Ctrl-C will not save what is done: {error}")),
     };
-    std::thread::spawn(move || {
+    let listening = std::thread::Builder::new().spawn(move || {
         for signal in signals.forever() {
             let name = low_level::signal_name(signal).unwrap_or("a signal");
             let first = !HELD.lock().unwrap_or_else(PoisonError::into_inner).as_ref().is_some_and(|held| {
@@ -71,6 +71,9 @@ pub fn listen() {
             low_level::exit(128 + signal); // as a shell reports it
         }
     });
+    if let Err(error) = listening {
+        notice(&format!("Ctrl-C will not save what is done: {error}"));
+    }
 }
 
 /// As above.

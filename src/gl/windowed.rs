@@ -16,6 +16,7 @@ use winit::raw_window_handle::HasWindowHandle;
 use winit::window::{Window, WindowAttributes};
 
 use super::Current;
+use crate::cl::aborts::Driver;
 use crate::error::{Error, Result};
 
 fn failed(what: &str, error: impl std::fmt::Display) -> Error {
@@ -62,6 +63,7 @@ impl Windowed {
     /// # Errors
     /// [`Error::Driver`] with what the window system or the driver refused.
     pub fn new(events: &ActiveEventLoop, attributes: WindowAttributes) -> Result<Windowed> {
+        Driver::OpenGl.begin()?;
         let template = ConfigTemplateBuilder::new().with_depth_size(0).with_stencil_size(0);
         let builder = DisplayBuilder::new().with_window_attributes(Some(attributes));
         // Multisampling would cost and show nothing: the picture is one quad.

@@ -1,5 +1,6 @@
 //! Files: full disks, links, files that may only be read, directories that go.
 
+use std::fs::Permissions;
 use std::os::unix::fs::{PermissionsExt as _, symlink};
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -85,7 +86,7 @@ fn a_picture_that_cannot_be_written_where_it_should_is_somewhere_else() {
         if what == "removed" {
             std::fs::remove_dir_all(&directory).unwrap();
         } else {
-            std::fs::set_permissions(directory.join("out.png"), PermissionsExt::from_mode(0o444)).unwrap();
+            std::fs::set_permissions(directory.join("out.png"), Permissions::from_mode(0o444)).unwrap();
         }
         let output = running.wait_with_output().unwrap();
         ends(&output, 1, &["pictures/out.png: cannot write", "has it instead"]);
@@ -187,7 +188,7 @@ fn links_are_written_through_and_files_keep_their_permissions() {
     ends(&photile(place, &quick(&scene, &["-o", "round.png"])).output().unwrap(), 2, &["round.png", "symbolic links"]);
 
     std::fs::write(place.join("own.png"), "old").unwrap();
-    std::fs::set_permissions(place.join("own.png"), PermissionsExt::from_mode(0o600)).unwrap();
+    std::fs::set_permissions(place.join("own.png"), Permissions::from_mode(0o600)).unwrap();
     ends(&photile(place, &quick(&scene, &["-o", "own.png"])).output().unwrap(), 0, &[]);
     assert_eq!(place.join("own.png").metadata().unwrap().permissions().mode() & 0o777, 0o600);
 }
@@ -197,13 +198,13 @@ fn files_that_may_only_be_read_are_refused_before_anything_is_rendered() {
     let (folder, scene) = (tempfile::tempdir().unwrap(), gi_ref());
     for name in ["out.png", "sums"] {
         std::fs::write(folder.path().join(name), "precious").unwrap();
-        std::fs::set_permissions(folder.path().join(name), PermissionsExt::from_mode(0o444)).unwrap();
+        std::fs::set_permissions(folder.path().join(name), Permissions::from_mode(0o444)).unwrap();
     }
     let picture = photile(folder.path(), &quick(&scene, &["-o", "out.png"])).output().unwrap();
     ends(&picture, 2, &["out.png: may only be read"]);
     assert!(!text(&picture.stderr).contains("rendering"));
-    let sums = photile(folder.path(), &quick(&scene, &["-o", "x.png", "--passes", "1", "--checkpoint", "sums"]));
-    ends(&{ sums }.output().unwrap(), 2, &["sums: may only be read"]);
+    let sums = quick(&scene, &["-o", "x.png", "--passes", "1", "--checkpoint", "sums"]);
+    ends(&photile(folder.path(), &sums).output().unwrap(), 2, &["sums: may only be read"]);
     assert_eq!(names(folder.path()), ["out.png", "sums"]);
     assert!(names(folder.path()).iter().all(|name| bytes(folder.path(), name) == b"precious"));
 }

@@ -4,6 +4,7 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+#[allow(dead_code)] // its windows are those of tests/window
 #[path = "../window/display.rs"]
 mod display;
 

@@ -67,8 +67,9 @@ fn a_display_that_goes_away_takes_no_edits_with_it() {
     assert!(light(&folder.path().join("room.unsaved.toml")).is_some());
     assert!(photile::window::script::Script::load(&folder.path().join("path.toml")).is_ok());
     // The next one says so, whatever becomes of it.
-    let next = photile(folder.path(), &["view", "room.toml"]).env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY");
-    ends(&{ next }.output().unwrap(), 1, &["room.unsaved.toml has the edits of a window that ended early"]);
+    let mut next = photile(folder.path(), &["view", "room.toml"]);
+    next.env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY");
+    ends(&next.output().unwrap(), 1, &["room.unsaved.toml has the edits of a window that ended early"]);
 }
 
 #[test]
