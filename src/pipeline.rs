@@ -36,7 +36,7 @@ use crate::tiling;
 pub struct Machine {
     /// `None`: the first that works of [`Backend::ALL`].
     pub backend: Option<Backend>,
-    /// Part of an OpenCL device's or platform's name.
+    /// An OpenCL device's number, such as `#2`, or part of its name or its platform's.
     pub device: Option<String>,
     /// Threads of the CPU twins.
     pub threads: usize,

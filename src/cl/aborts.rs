@@ -8,7 +8,7 @@
 use std::ffi::{CString, c_char, c_int};
 #[cfg(unix)]
 use std::os::unix::ffi::OsStrExt as _;
-use std::sync::atomic::{AtomicBool, AtomicPtr, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::error::{Error, Result};
 
@@ -72,7 +72,7 @@ struct Anew {
 const SIGNALS: [c_int; 5] = [libc::SIGABRT, libc::SIGSEGV, libc::SIGBUS, libc::SIGILL, libc::SIGFPE];
 
 #[cfg(unix)]
-static ANEW: AtomicPtr<Anew> = AtomicPtr::new(std::ptr::null_mut());
+static ANEW: std::sync::atomic::AtomicPtr<Anew> = std::sync::atomic::AtomicPtr::new(std::ptr::null_mut());
 
 /// From now on the program begins anew where a driver ends it: once without OpenCL, once without OpenGL. Not to be called
 /// by anything but the program itself, since it is the command line that is begun anew.

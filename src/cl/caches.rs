@@ -14,7 +14,7 @@ struct Cache {
     xdg: bool,
 }
 
-/// From the drivers' own documentation.
+/// As PoCL, Mesa, Intel's and NVIDIA's drivers document them.
 const CACHES: [Cache; 4] = [
     Cache { variable: "POCL_CACHE_DIR", usual: "pocl", xdg: true },
     Cache { variable: "MESA_SHADER_CACHE_DIR", usual: "mesa_shader_cache", xdg: true },

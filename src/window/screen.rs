@@ -1,7 +1,5 @@
 //! Which window system is taken.
 
-use std::env;
-
 use winit::event_loop::EventLoopBuilder;
 
 /// Lets X11 be taken where Wayland is named and is not there: a variable of a session that has ended, beside a display that
@@ -18,16 +16,16 @@ pub fn choose<T: 'static>(builder: &mut EventLoopBuilder<T>) {
 #[cfg(not(all(unix, not(target_vendor = "apple"))))]
 pub fn choose<T: 'static>(_: &mut EventLoopBuilder<T>) {}
 
-#[cfg(unix)]
+#[cfg(all(unix, not(target_vendor = "apple")))]
 fn is_set(name: &str) -> bool {
-    env::var_os(name).is_some_and(|value| !value.is_empty())
+    std::env::var_os(name).is_some_and(|value| !value.is_empty())
 }
 
 /// Whether somebody listens where the variables say, as Wayland's own library reads them.
-#[cfg(unix)]
+#[cfg(all(unix, not(target_vendor = "apple")))]
 fn wayland_answers() -> bool {
-    let name = std::path::PathBuf::from(env::var_os("WAYLAND_DISPLAY").unwrap_or_default());
-    let socket = match env::var_os("XDG_RUNTIME_DIR") {
+    let name = std::path::PathBuf::from(std::env::var_os("WAYLAND_DISPLAY").unwrap_or_default());
+    let socket = match std::env::var_os("XDG_RUNTIME_DIR") {
         Some(directory) => std::path::Path::new(&directory).join(name), // a whole path stays what it is
         None => name,
     };
