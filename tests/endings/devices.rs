@@ -211,3 +211,16 @@ fn stress_keeps_its_rows_when_the_device_is_lost() {
     assert!(rows.contains("random,") && !rows.contains("special,"), "{rows}");
     assert!(text(&lost.stdout).contains("counters at limits"));
 }
+
+#[test]
+fn what_a_drivers_compiler_warns_of_is_not_the_users() {
+    let folder = tempfile::tempdir().unwrap();
+    if !is_pocl(folder.path()) {
+        return;
+    }
+    let stress = ["stress", "--suite", "leaks", "--size", "tiny", "--backend", "opencl"];
+    // Nothing is in the cache, so it compiles.
+    let output = photile(folder.path(), &stress).env("POCL_CACHE_DIR", folder.path()).output().unwrap();
+    ends(&output, 0, &[]);
+    assert!(!text(&output.stderr).contains("warning"), "{}", text(&output.stderr));
+}
