@@ -16,7 +16,7 @@ use opencl3::program::Program;
 use opencl3::types::cl_mem;
 
 use super::buffer::Memory;
-use super::{Buffer, Device, failed};
+use super::{Buffer, Device, aborts, failed, probing};
 use crate::device::injected_faults;
 use crate::device::submissions::{self, Pace};
 use crate::error::{Error, Result};
@@ -86,8 +86,14 @@ impl Context {
     /// Opens a device.
     ///
     /// # Errors
-    /// [`Error::Device`] when the driver refuses.
+    /// [`Error::Device`] when the driver refuses, or did not live through being tried.
     pub fn new(device: Device) -> Result<Context> {
+        probing::may_be_used(&device)?;
+        Context::new_untried(device)
+    }
+
+    /// Opens a device that may end the program.
+    pub(super) fn new_untried(device: Device) -> Result<Context> {
         let context = ClContext::from_device(&ClDevice::new(device.id)).map_err(|e| failed("opening the device", e))?;
         // OpenCL 1.2's call, deprecated since 2.0 but supported by every driver; its successor is not.
         #[allow(deprecated)]
@@ -113,6 +119,7 @@ impl Context {
             Some(program) => program,
             None => {
                 let program = Rc::new(self.build(source)?);
+                aborts::outlive_still();
                 self.programs.borrow_mut().insert(source.text.clone(), Rc::clone(&program));
                 program
             }
@@ -124,7 +131,8 @@ impl Context {
     fn build(&self, source: &Source) -> Result<Program> {
         let mut program = Program::create_from_source(&self.context, &source.text)
             .map_err(|e| failed(&format!("program {}", source.unit), e))?;
-        let options = if source.contracted { "-cl-std=CL1.2 -cl-mad-enable" } else { "-cl-std=CL1.2" };
+        // -w: what a driver's compiler warns of is for those who write kernels, and it writes that to the user's terminal.
+        let options = if source.contracted { "-w -cl-std=CL1.2 -cl-mad-enable" } else { "-w -cl-std=CL1.2" };
         program.build(self.context.devices(), options).map_err(|error| {
             let log = program.get_build_log(self.device.id).unwrap_or_default();
             let log = if log.trim().is_empty() { error.to_string() } else { source.map_log(&log) };
@@ -265,9 +273,9 @@ impl Context {
             return Err(failed(&format!("launching {}", kernel.name), ClError(code)));
         }
         // SAFETY: buffers handed over as arguments are reference-counted by OpenCL until the kernel has run.
-        unsafe { launch.enqueue_nd_range(&self.queue) }
-            .map(Some)
-            .map_err(|e| failed(&format!("launching {}", kernel.name), e))
+        let launched = unsafe { launch.enqueue_nd_range(&self.queue) };
+        aborts::outlive_still();
+        launched.map(Some).map_err(|e| failed(&format!("launching {}", kernel.name), e))
     }
 
     /// Waits for a launch. What waiting returns is not enough: a launch that failed on the device is over, too.

@@ -1,5 +1,9 @@
 //! OpenCL: devices, programs, buffers, launches. All `unsafe` towards OpenCL is in this folder.
 
+pub mod aborts;
+pub mod caches;
+pub mod probing;
+
 mod buffer;
 mod context;
 mod device;
@@ -7,8 +11,10 @@ mod probe;
 
 pub use buffer::{Buffer, Memory, PART_ALIGNMENT};
 pub use context::{Arg, Context, Kernel};
-pub use device::{Device, devices};
+pub use device::Device;
 pub use probe::probe;
+use probe::probe_anew;
+pub use probing::devices;
 
 use opencl3::error_codes::{
     CL_INVALID_BUFFER_SIZE, CL_INVALID_COMMAND_QUEUE, CL_MEM_OBJECT_ALLOCATION_FAILURE, CL_OUT_OF_RESOURCES,

@@ -101,7 +101,10 @@ impl Target {
             let attachments: Vec<u32> = (0..outputs).map(|output| glow::COLOR_ATTACHMENT0 + output).collect();
             gl.draw_buffers(&attachments);
             match gl.check_framebuffer_status(glow::FRAMEBUFFER) {
-                glow::FRAMEBUFFER_COMPLETE => Ok(target),
+                glow::FRAMEBUFFER_COMPLETE => {
+                    checked(gl, format_args!("target of {width} × {height}"))?; // memory may be out
+                    Ok(target)
+                }
                 status => Err(refused(format!("framebuffer status {status:#06x}"))),
             }
         }

@@ -117,6 +117,13 @@ impl ClTrace {
 }
 
 impl Trace for ClTrace {
+    fn make_film(&mut self, [width, height]: [u32; 2]) -> Result<()> {
+        if self.film.as_ref().is_none_or(|(w, h, _)| (*w, *h) != (width, height)) {
+            self.film = Some((width, height, Buffer::new(&self.context, width as usize * height as usize)?));
+        }
+        Ok(())
+    }
+
     fn compile(&mut self, permutation: &Permutation) -> Result<()> {
         if self.active.as_ref().is_some_and(|active| active.permutation == *permutation) {
             return Ok(());
@@ -156,9 +163,7 @@ impl Trace for ClTrace {
 
     fn trace(&mut self, frame: &Frame, indirect: Indirect) -> Result<()> {
         let (width, height) = (frame.width as u32, frame.height as u32);
-        if self.film.as_ref().is_none_or(|(w, h, _)| (*w, *h) != (width, height)) {
-            self.film = Some((width, height, Buffer::new(&self.context, width as usize * height as usize)?));
-        }
+        self.make_film([width, height])?;
         self.frame.write(&self.context, std::slice::from_ref(frame))?;
         let draws = self.draws(frame, &indirect)?;
         if let (Some(active), false) = (&mut self.active, draws.is_whole(frame)) {

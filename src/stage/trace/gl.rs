@@ -140,6 +140,13 @@ impl GlTrace {
 }
 
 impl Trace for GlTrace {
+    fn make_film(&mut self, [width, height]: [u32; 2]) -> Result<()> {
+        if self.target.as_ref().is_none_or(|(w, h, _)| (*w, *h) != (width, height)) {
+            self.target = Some((width, height, Target::new(&self.gl, width, height, false)?));
+        }
+        Ok(())
+    }
+
     fn compile(&mut self, permutation: &Permutation) -> Result<()> {
         let counts = permutation.features.counts.filter(|_| self.is_software);
         let permutation = &Permutation { features: Features { counts, ..permutation.features }, ..*permutation };
@@ -191,9 +198,7 @@ impl Trace for GlTrace {
 
     fn trace(&mut self, frame: &Frame, indirect: Indirect) -> Result<()> {
         let (width, height) = (frame.width as u32, frame.height as u32);
-        if self.target.as_ref().is_none_or(|(w, h, _)| (*w, *h) != (width, height)) {
-            self.target = Some((width, height, Target::new(&self.gl, width, height, false)?));
-        }
+        self.make_film([width, height])?;
         let Some(active) = self.active else { return Err(out_of_order("OpenGL")) };
         let draws = self.draws(frame, &indirect)?;
         self.program(&active, draws.slices > 1)?;
