@@ -2,4 +2,5 @@
 
 pub mod features;
 pub mod gathering;
+pub mod parameters;
 pub mod source;

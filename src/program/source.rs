@@ -4,7 +4,7 @@
 use std::fmt::Write;
 
 use crate::program::features::Features;
-use crate::records;
+use crate::records::{self, table_sets};
 
 /// Every source, embedded: the program runs from anywhere.
 const FILES: &[(&str, &str)] = &[
@@ -167,7 +167,10 @@ impl Source {
     fn append(&mut self, file: &'static str, text: &str, options: &Options) {
         for (index, line) in text.lines().enumerate() {
             match line.strip_prefix("#include \"").and_then(|rest| rest.strip_suffix('"')) {
-                Some("layout") => self.append("(layout)", &records::prelude(options.inject.as_deref()), options),
+                Some("layout") => {
+                    self.append("(layout)", &records::prelude(options.inject.as_deref()), options);
+                    self.append("(table sets)", &table_sets::macros(!self.unit.ends_with(".cl")), options);
+                }
                 Some("fields") => self.append("(fields)", &records::field_reads(options.table, false), options),
                 Some("fields same") => self.append("(fields)", &records::field_reads(options.table, true), options),
                 Some(included) => self.include(included, options),

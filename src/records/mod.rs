@@ -6,6 +6,7 @@
 //! fetch macros that the two shims define (`glsl/shim.glsl`, `kernels/shim.cl`).
 
 pub mod packing;
+pub mod table_sets;
 
 use std::fmt::Write;
 

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::records::{Frame, Glass, LIGHTS_IN_UNIFORMS, Light, OBJECTS_IN_UNIFORMS, Object, PLANE, SPHERE};
+use crate::records::{Frame, Glass, LIGHTS_IN_UNIFORMS, Light, OBJECTS_IN_UNIFORMS, Object, PLANE, Record, SPHERE};
 use crate::scene::{Camera, Scene};
 use crate::settings::Settings;
 
@@ -77,6 +77,12 @@ impl Packed {
     /// Whether the records fit into GL's uniforms (see [`OBJECTS_IN_UNIFORMS`]).
     pub fn in_uniforms(&self) -> bool {
         self.objects.len() <= OBJECTS_IN_UNIFORMS && self.lights.len() <= LIGHTS_IN_UNIFORMS
+    }
+
+    /// The tables that programs read, by name: [`crate::records::table_sets::PACKED`].
+    pub fn tables(&self) -> [(&'static str, &[f32]); 2] {
+        let (objects, lights) = (bytemuck::cast_slice(&self.objects), bytemuck::cast_slice(&self.lights));
+        [(Object::TABLE, objects), (Light::TABLE, lights)]
     }
 
     /// How many of the objects are planes.

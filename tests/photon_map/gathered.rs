@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use glam::{DVec3, Vec3};
 use photile::cpu::gather::{self, photon_radiance};
 use photile::cpu::grid::{GridTables, face_of, grid};
-use photile::device::cl::{Arg, Buffer, Context};
+use photile::device::cl::{Buffer, Context};
 use photile::device::gl::{Headless, Program, Target};
 use photile::plan::cells::{CellSize, Form, Plan};
 use photile::program::features::{Features, Lights};
@@ -18,6 +18,7 @@ use photile::records::{Frame, Object, SPHERE};
 use photile::stage::grid::{Grid, GridStage, Wanted};
 use photile::stage::photon_map::PhotonMap;
 use photile::stage::photon_textures::PhotonTextures;
+use photile::stage::scene_buffers::SceneBuffers;
 
 use super::timings::closed_room;
 use super::{Map, ROOM_SPHERES, Random, device, room, room_photons, surface_point, upload};
@@ -94,15 +95,12 @@ fn on_device(
     let options = Options { lanes, defines: gathering.defines(), ..Options::default() };
     let kernel = context.kernel(&assemble("trace.cl", Some(&features()), &options), "trace").unwrap();
     let frame = Buffer::from_slice(context, &[frame()]).unwrap();
-    let objects = Buffer::from_slice(context, &packed.objects).unwrap();
-    let lights = Buffer::from_slice(context, &packed.lights).unwrap();
+    let scene = SceneBuffers::new(context, &packed).unwrap();
     let film = Buffer::<[f32; 3]>::new(context, WIDTH * HEIGHT).unwrap();
-    let mut args: Vec<Arg> = vec![(&frame).into(), (&objects).into(), (&lights).into()];
-    args.extend(grid.args(stored.as_ref(), gathering.method).unwrap());
+    let args = scene.arguments().table(&frame).and(&grid.arguments(stored.as_ref(), gathering.method).unwrap());
+    let args = args.with("film", &film).with("width", WIDTH as i32).with("height", HEIGHT as i32);
     // As many bands as rows, one after the other: uncut.
-    let [width, bands] = [WIDTH, HEIGHT].map(|n| Arg::Int(n as i32));
-    let film_args: [Arg; 5] = [(&film).into(), width, bands, bands, Arg::Int(1)];
-    args.extend(film_args);
+    let args = args.with("bands", HEIGHT as i32).with("stride", 1);
     // More work-items than any block size needs: the kernel drops the surplus.
     context.launch(&kernel, &args, &[WIDTH, HEIGHT], None).unwrap();
     film.to_vec(context).unwrap()
@@ -125,10 +123,10 @@ fn on_gl(
     let options = Options { defines: gathering.defines(), ..Options::default() };
     let program = Program::new(&headless.gl, &assemble("trace.frag", Some(&features()), &options)).unwrap();
     let target = Target::new(&headless.gl, WIDTH as u32, HEIGHT as u32, false).unwrap();
-    program.activate(&PhotonTextures::SAMPLERS);
+    program.activate();
     program.set_records(&[frame()]);
     program.set_records(&packed.objects);
-    photons.bind(&program, 0);
+    photons.bind(&program);
     target.draw(&program).unwrap();
     target.read().iter().map(|[r, g, b, _]| [*r, *g, *b].map(f32::from_bits)).collect()
 }

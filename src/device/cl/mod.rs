@@ -1,12 +1,14 @@
 //! OpenCL: devices, programs, buffers, launches. All `unsafe` towards OpenCL is in this folder.
 
+mod arguments;
 mod buffer;
 mod context;
 mod device;
 mod probe;
 
 pub use buffer::{Buffer, Memory, PART_ALIGNMENT};
-pub use context::{Arg, Context, Kernel};
+pub use arguments::{Arg, Arguments};
+pub use context::{Context, Kernel};
 pub use device::{Device, devices};
 pub use probe::probe;
 
