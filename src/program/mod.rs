@@ -2,5 +2,6 @@
 
 pub mod features;
 pub mod gathering;
+pub mod kinds;
 pub mod parameters;
 pub mod source;

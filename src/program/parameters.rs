@@ -2,7 +2,8 @@
 //! (`device::cl::Arguments`), so that the kernel's own text is the one place with an order.
 //!
 //! The text is gone through as the driver's preprocessor does it, as far as our sources take: conditions of `defined`, `!`,
-//! `&&`, `||` and comparisons, and macros without parameters. A test holds the result against what a driver found.
+//! `&&`, `||` and comparisons, and macros without parameters. `Context::kernel` holds their number against
+//! the driver's.
 
 use std::collections::{BTreeMap, HashMap};
 

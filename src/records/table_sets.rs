@@ -6,8 +6,8 @@
 use std::fmt::Write;
 
 use super::{
-    Chart, Emitter, Face, Frame, Gather, LISTS, Light, LitPoint, Object, PhotonDirection, PhotonPosition, PhotonPower,
-    RECORDS, Record, Region, Site, SiteLattice, SiteSurface, Texel, Tile,
+    Chart, Emitter, Face, Frame, Gather, LISTS, Light, LitPoint, Material, PhotonDirection, PhotonPosition,
+    PhotonPower, RECORDS, Record, Region, Shape, Site, SiteLattice, SiteSurface, Texel, Tile,
 };
 
 /// Members that are given together.
@@ -51,8 +51,11 @@ use Member::{Local, Number, Set, Table, Words, Written};
 use When::{Has, Lacks};
 
 /// What packing makes of a scene (`packing::Packed::tables`).
-pub static PACKED: TableSet =
-    TableSet { name: "PACKED", when: &[], members: &[Table(Object::TABLE), Table(Light::TABLE)] };
+pub static PACKED: TableSet = TableSet {
+    name: "PACKED",
+    when: &[],
+    members: &[Table(Shape::TABLE), Table(Material::TABLE), Table(Light::TABLE)],
+};
 
 /// Photons in the cells of a grid, or as they were stored.
 pub static PHOTON_GRID: TableSet = TableSet {
@@ -101,11 +104,8 @@ pub static FINAL_GATHER: TableSet = TableSet {
 };
 
 /// What pixels take irradiance from.
-pub static SITES: TableSet = TableSet {
-    name: "SITES",
-    when: &[Has("HAS_SITES")],
-    members: &[Table(Site::TABLE), Table(SiteSurface::TABLE)],
-};
+pub static SITES: TableSet =
+    TableSet { name: "SITES", when: &[Has("HAS_SITES")], members: &[Table(Site::TABLE), Table(SiteSurface::TABLE)] };
 
 /// All that the shared functions of `glsl/shared/` may ask for.
 pub static SCENE: TableSet = TableSet {
@@ -145,11 +145,8 @@ pub static WALK: TableSet = TableSet {
     ],
 };
 
-static MAP_DIRECTIONS: TableSet = TableSet {
-    name: "MAP_DIRECTIONS",
-    when: &[Has("HAS_GLOSSY")],
-    members: &[Written(PhotonDirection::TABLE)],
-};
+static MAP_DIRECTIONS: TableSet =
+    TableSet { name: "MAP_DIRECTIONS", when: &[Has("HAS_GLOSSY")], members: &[Written(PhotonDirection::TABLE)] };
 
 /// What a photon leaves in the map.
 pub static MAP: TableSet = TableSet {

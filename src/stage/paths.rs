@@ -144,7 +144,7 @@ impl Paths {
         range: &Range,
         [items, local]: [usize; 2],
     ) -> Result<()> {
-        kernel.pace.expect(self.scene.objects as f64 * f64::from(range.length));
+        kernel.pace.expect(self.scene.shapes as f64 * f64::from(range.length));
         context.launch(kernel, args, &[items], Some(&[local]))
     }
 }

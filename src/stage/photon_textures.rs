@@ -93,7 +93,8 @@ impl PhotonTextures {
             self.copy(PhotonPosition::TABLE, context, positions, *count)?;
             self.copy(PhotonPower::TABLE, context, powers, *count)?;
             self.copy("photon_faces", context, faces, count.div_ceil(TEXEL))?;
-            return directions.map_or(Ok(()), |directions| self.copy(PhotonDirection::TABLE, context, directions, *count));
+            return directions
+                .map_or(Ok(()), |directions| self.copy(PhotonDirection::TABLE, context, directions, *count));
         }
         let Some(Sorted { positions, powers, directions, .. }) = &grid.sorted else { return Err(unordered()) };
         let count = grid.count;

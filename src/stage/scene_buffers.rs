@@ -9,8 +9,8 @@ use crate::records::packing::Packed;
 #[derive(Default)]
 pub struct SceneBuffers {
     tables: Vec<(&'static str, Buffer<[f32; TEXEL]>)>,
-    /// Objects in the scene.
-    pub objects: usize,
+    /// Shapes in the scene.
+    pub shapes: usize,
 }
 
 impl SceneBuffers {
@@ -42,7 +42,7 @@ impl SceneBuffers {
             buffer.fit(context, texels.len())?;
             buffer.write(context, texels)?;
         }
-        self.objects = packed.objects.len();
+        self.shapes = packed.shapes.len();
         Ok(())
     }
 

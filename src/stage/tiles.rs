@@ -15,7 +15,7 @@ use crate::plan::tiling::{Plan, Seen, Wanted, check_pairs, plan, tiles_of, withi
 use crate::program::features::Features;
 use crate::program::source::{Options, assemble};
 use crate::records::packing::Packed;
-use crate::records::{Frame, Gather, Object, PhotonDirection, Region, TEXEL, Tile};
+use crate::records::{Frame, Gather, PhotonDirection, Region, Shape, TEXEL, Tile};
 
 /// The tiles' lists on the device. Buffers may be longer than what they hold.
 pub struct Tiles {
@@ -200,7 +200,7 @@ impl TileStage {
             let args = args.with("tile_width", tile[0] as i32).with("tile_height", tile[1] as i32);
             let args = args.with("tiles_across", tiles[0] as i32).with("tile_count", (tiles[0] * tiles[1]) as i32);
             let args = args.with("strip_width", strip[0] as i32).with("strip_height", strip[1] as i32);
-            kernel.pace.expect((strip[0] * strip[1]) as f64 * samples as f64 * self.scene.objects as f64);
+            kernel.pace.expect((strip[0] * strip[1]) as f64 * samples as f64 * self.scene.shapes as f64);
             context.launch(kernel, &args, &[work_items], None)?;
             let mut counts = vec![0; work_items];
             self.seen_counts.read(context, &mut counts)?;
@@ -232,13 +232,13 @@ impl TileStage {
     pub fn build(
         &mut self,
         context: &Context,
-        objects: &[Object],
+        shapes: &[Shape],
         frame: &Frame,
         photons: &Photons,
         wanted: &Wanted,
     ) -> Result<&Tiles> {
         let seen = self.seen(context, frame, wanted.tile)?;
-        let plan = plan(objects, frame, seen, photons.count, wanted)?;
+        let plan = plan(shapes, frame, seen, photons.count, wanted)?;
         if self.paced_for.replace(*wanted).is_some_and(|last| !takes_alike(&last, wanted)) {
             self.count.pace.forget();
             self.fill.pace.forget();

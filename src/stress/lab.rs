@@ -109,7 +109,7 @@ impl Lab {
         let features = features(task.two_sided, task.in_uniforms && backend == Backend::OpenGl);
         let mut defines = vec![task.body.to_string()];
         defines.extend(task.fault.map(|fault| fault.define()));
-        defines.extend(task.alone.then(|| "OBJECTS_ALONE".to_string()));
+        defines.extend(task.alone.then(|| "SHAPES_ALONE".to_string()));
         defines.extend(task.defines.iter().map(|define| define.to_string()));
         let frame = Frame {
             sphere_count: task.packed.sphere_count as f32,

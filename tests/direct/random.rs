@@ -70,7 +70,9 @@ fn opencl_draws_the_twins_numbers() {
         let source = assemble_text("draw.cl", &kernel(), &Options { lanes, ..Options::default() });
         let kernel = context.kernel(&source, "draw").unwrap_or_else(|error| panic!("{error}"));
         let numbers = Buffer::<[u32; 8]>::new(&context, COUNT as usize).unwrap();
-        context.launch(&kernel, &Arguments::new().with("numbers", &numbers), &[(COUNT / lanes) as usize], None).unwrap();
+        context
+            .launch(&kernel, &Arguments::new().with("numbers", &numbers), &[(COUNT / lanes) as usize], None)
+            .unwrap();
         let numbers = numbers.to_vec(&context).unwrap();
         assert_eq!(wrong(|i| numbers[i]), 0, "{lanes} lanes");
         assert!(wrong(|i| numbers[i ^ 1]) > 0);

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 use photile::device::cl::Buffer;
 use photile::device::gl::{Headless, Program, Target};
 use photile::plan::cells::CellSize;
@@ -10,13 +10,13 @@ use photile::program::features::{Features, Lights};
 use photile::program::gathering::Gathering;
 use photile::program::source::{Options, assemble};
 use photile::records::packing::Packed;
-use photile::records::{Frame, Object, PLANE};
+use photile::records::{Frame, Material, PLANE, Shape};
 use photile::stage::grid::{GridStage, Wanted};
 use photile::stage::photon_map::PhotonMap;
 use photile::stage::photon_textures::PhotonTextures;
 use photile::stage::scene_buffers::SceneBuffers;
 
-use super::{Map, Random, device, surface_point, upload};
+use super::{Map, Random, device, packed_of, surface_point, upload};
 
 const WIDTH: usize = 640;
 const HEIGHT: usize = 480;
@@ -24,18 +24,11 @@ const HEIGHT: usize = 480;
 /// A closed room of 6 × 4 × 6 m with uniform photons on its walls.
 pub fn closed_room(photons: usize) -> (Packed, Map) {
     let half = [3.0f32, 2.0, 3.0];
-    let objects: Vec<Object> = (0..6)
+    let shapes: Vec<Shape> = (0..6)
         .map(|i| {
             let (axis, sign) = (i / 2, if i % 2 == 0 { -1.0 } else { 1.0 });
             let anchor = [0, 1, 2].map(|a| f32::from(u8::from(a == axis)));
-            Object {
-                anchor,
-                extent: sign * half[axis],
-                kind: PLANE,
-                color: [0.7; 3],
-                diffuse: 1.0,
-                ..Object::default()
-            }
+            Shape { anchor, extent: sign * half[axis], kind: PLANE, ..Shape::default() }
         })
         .collect();
     let (mut random, mut map) = (Random::new(1), Map::default());
@@ -44,10 +37,10 @@ pub fn closed_room(photons: usize) -> (Packed, Map) {
         let axis = [0, 1, 1, 1, 2, 0, 2][random.below(7)];
         let wall = 2 * axis + random.below(2);
         let side = if wall % 2 == 0 { 1.0 } else { -1.0 };
-        let position = surface_point(&objects[wall], &mut random);
+        let position = surface_point(&shapes[wall], &mut random);
         map.push(position, wall, side, &mut random);
     }
-    (Packed { origin: DVec3::ZERO, objects, sphere_count: 0, lights: Vec::new(), glasses: Vec::new() }, map)
+    (packed_of(shapes, 0, Material { color: [0.7; 3], diffuse: 1.0, ..Material::default() }), map)
 }
 
 fn frame() -> Frame {
@@ -95,7 +88,7 @@ fn timings() {
         let times = (0..10).map(|_| {
             context.finish().unwrap();
             let start = Instant::now();
-            stage.build(&context, &packed.objects, stored.take().unwrap(), &Wanted::radius(0.1)).unwrap();
+            stage.build(&context, &packed.shapes, stored.take().unwrap(), &Wanted::radius(0.1)).unwrap();
             context.finish().unwrap();
             let time = start.elapsed().as_secs_f64() * 1e3;
             stored = stage.restore(&context).unwrap();
@@ -130,7 +123,7 @@ fn timings() {
         for ratio in [0.25, 1.0 / 3.0, 0.5, 1.0] {
             let wanted = Wanted { size: CellSize::Metres([radius * ratio; 3]), ..Wanted::radius(radius) };
             let map = stored.take().or_else(|| stage.restore(&context).unwrap()).unwrap();
-            let grid = stage.build(&context, &packed.objects, map, &wanted).unwrap();
+            let grid = stage.build(&context, &packed.shapes, map, &wanted).unwrap();
             let gathering = Gathering { clip: true, ..Gathering::default() };
             for lanes in [context.device.lanes, 1] {
                 let options = Options { lanes, defines: gathering.defines(), ..Options::default() };
@@ -155,7 +148,7 @@ fn timings() {
             let target = Target::new(&headless.gl, WIDTH as u32, HEIGHT as u32, false).unwrap();
             program.activate();
             program.set_records(&[frame()]);
-            program.set_records(&packed.objects);
+            packed.tables().into_iter().for_each(|(name, floats)| program.set_texels(name, floats));
             textures.bind(&program);
             let (median, least) = time(3, || target.draw(&program).unwrap());
             println!("R = {radius}, cell {ratio:.2} R, OpenGL          : {median:6.1} ({least:.1})");

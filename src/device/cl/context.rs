@@ -162,7 +162,13 @@ impl Context {
     ///
     /// # Errors
     /// [`Error::Device`] when a launch is refused or fails.
-    pub fn launch_paced(&self, kernel: &Kernel, args: &Arguments, global: &[usize], local: Option<&[usize]>) -> Result<()> {
+    pub fn launch_paced(
+        &self,
+        kernel: &Kernel,
+        args: &Arguments,
+        global: &[usize],
+        local: Option<&[usize]>,
+    ) -> Result<()> {
         self.launch_while(kernel, args, global, local, &|| true).map(|_| ())
     }
 
@@ -206,7 +212,13 @@ impl Context {
     ///
     /// # Errors
     /// [`Error::Device`] when the launch is refused or fails.
-    pub fn run(&self, kernel: &Kernel, args: &Arguments, global: &[usize], local: Option<&[usize]>) -> Result<Duration> {
+    pub fn run(
+        &self,
+        kernel: &Kernel,
+        args: &Arguments,
+        global: &[usize],
+        local: Option<&[usize]>,
+    ) -> Result<Duration> {
         let Some(event) = self.enqueue(kernel, args, global, local, &[])? else { return Ok(Duration::ZERO) };
         self.wait(&event, &kernel.name)?;
         let time = event.profiling_command_end().and_then(|end| Ok(end - event.profiling_command_start()?));

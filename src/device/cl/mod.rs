@@ -6,8 +6,8 @@ mod context;
 mod device;
 mod probe;
 
-pub use buffer::{Buffer, Memory, PART_ALIGNMENT};
 pub use arguments::{Arg, Arguments};
+pub use buffer::{Buffer, Memory, PART_ALIGNMENT};
 pub use context::{Context, Kernel};
 pub use device::{Device, devices};
 pub use probe::probe;

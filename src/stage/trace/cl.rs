@@ -75,20 +75,7 @@ impl ClTrace {
         let (frame, lattice, slice) = (Buffer::new(&context, 1)?, Buffer::new(&context, 1)?, Buffer::new(&context, 1)?);
         let (scene, film, part, points, sites, active) = Default::default();
         let (pause, missing) = Default::default();
-        Ok(ClTrace {
-            context,
-            scene,
-            frame,
-            film,
-            part,
-            slice,
-            lattice,
-            points,
-            sites,
-            active,
-            pause,
-            missing,
-        })
+        Ok(ClTrace { context, scene, frame, film, part, slice, lattice, points, sites, active, pause, missing })
     }
 
     /// How a picture is cut within its pixels: on CPUs, where nothing has to be, never.

@@ -13,8 +13,8 @@ use crate::plan::site_lattice::FinalPass;
 use crate::program::features::Features;
 use crate::program::gathering::Gathering;
 use crate::program::source::{Options, Source, assemble};
-use crate::records::packing::Packed;
 use crate::records::Frame;
+use crate::records::packing::Packed;
 use crate::stage::irradiance::IrradianceView;
 use crate::stage::map::MapView;
 use crate::stage::photon_textures::PhotonTextures;
@@ -35,7 +35,7 @@ pub struct GlTrace {
     /// Loop rounds of a fragment.
     rounds: Rounds,
     /// Whether a software rasteriser draws: texels are then asked of the sampler rather than fetched by integers (see
-    /// `shim.glsl`), and loops over few objects unrolled (see [`crate::program::features::FEW_OBJECTS`]).
+    /// `shim.glsl`), and loops over few objects unrolled (see [`crate::program::features::FEW_SHAPES`]).
     is_software: bool,
     /// Called between bands of rows.
     pause: Option<Pause>,
