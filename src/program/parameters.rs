@@ -109,6 +109,9 @@ struct Condition {
     has_held: bool,
 }
 
+/// What a sign between two numbers asks.
+type Comparison = fn(i64, i64) -> bool;
+
 /// Deeper expansions are a circle.
 const MAX_DEPTH: usize = 32;
 
@@ -194,7 +197,7 @@ impl<'a> Preprocessor<'a> {
 
     fn comparison(&self, rest: &mut &str) -> Result<i64, String> {
         let value = self.single(rest)?;
-        let comparisons: [(&str, fn(i64, i64) -> bool); 6] = [
+        let comparisons: [(&str, Comparison); 6] = [
             ("==", |a, b| a == b),
             ("!=", |a, b| a != b),
             (">=", |a, b| a >= b),

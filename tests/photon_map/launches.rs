@@ -7,6 +7,7 @@ use photile::device::cl::{Arguments, Buffer};
 use photile::device::gl::{Headless, Program, Target};
 use photile::device::submissions;
 use photile::pipeline::{Machine, Pipeline};
+use photile::program::features::{Features, Lights};
 use photile::program::parameters::kernels;
 use photile::program::source::{Options, assemble, units};
 use photile::records::PhotonPosition;
@@ -96,8 +97,8 @@ fn a_launch_without_an_argument_is_refused_by_its_name() {
 fn a_draw_without_a_table_is_refused_by_its_name() {
     let _alone = alone();
     let headless = Headless::new().expect("an OpenGL driver");
-    let features = photile::program::features::Features { in_uniforms: false, ..features() };
-    let source = assemble("trace.frag", Some(&features), &Options::default());
+    let lit = Features { in_uniforms: false, lights: Lights::One, ..features() };
+    let source = assemble("trace.frag", Some(&lit), &Options::default());
     let program = Program::new(&headless.gl, &source).unwrap();
     let target = Target::new(&headless.gl, 8, 8, false).unwrap();
     program.activate();
