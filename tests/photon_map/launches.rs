@@ -14,9 +14,10 @@ use photile::records::PhotonPosition;
 use photile::settings::{Amount, Backend, FinalGather, Gather, LightMode, Method, Photons, Settings, Technique};
 use photile::stage::map::MapView;
 
+use super::device;
 use super::gathered::features;
 use super::tiles::{scene, settings};
-use super::{alone, device};
+use crate::common::one_at_a_time;
 
 /// What only commands of their own launch, whose tests run them.
 const OTHERS: [&str; 4] = ["probe", "stress_items", "validate_each", "validate_same"];
@@ -67,7 +68,7 @@ fn launched(lanes: Option<u32>) -> BTreeSet<String> {
 
 #[test]
 fn every_kernel_is_given_what_its_text_asks_for() {
-    let _alone = alone();
+    one_at_a_time();
     // Kernels that only GPUs need are launched here, too.
     submissions::set_everywhere(true);
     let found: BTreeSet<String> = [None, Some(1)].into_iter().flat_map(launched).collect();
@@ -95,7 +96,7 @@ fn a_launch_without_an_argument_is_refused_by_its_name() {
 
 #[test]
 fn a_draw_without_a_table_is_refused_by_its_name() {
-    let _alone = alone();
+    one_at_a_time();
     let headless = Headless::new().expect("an OpenGL driver");
     let lit = Features { in_uniforms: false, lights: Lights::One, ..features() };
     let source = assemble("trace.frag", Some(&lit), &Options::default());
