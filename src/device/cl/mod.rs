@@ -4,13 +4,15 @@ pub mod aborts;
 pub mod caches;
 pub mod probing;
 
+mod arguments;
 mod buffer;
 mod context;
 mod device;
 mod probe;
 
+pub use arguments::{Arg, Arguments};
 pub use buffer::{Buffer, Memory, PART_ALIGNMENT};
-pub use context::{Arg, Context, Kernel};
+pub use context::{Context, Kernel};
 pub use device::Device;
 pub use probe::probe;
 use probe::probe_anew;
