@@ -19,7 +19,7 @@ use crate::rays::scene::SceneTables;
 use crate::records::packing::Packed;
 use crate::records::{Frame, Glass, Light, Object, Record, Shape, TEXEL, TEXTURE_WIDTH_LOG2};
 use crate::scene::Scene;
-use crate::settings::{Amount, Backend, LightMode, Settings};
+use crate::settings::{Amount, Backend, LightMode, Pass, Settings};
 
 /// Show which stages and features a scene needs, what is skipped and why
 #[derive(clap::Args)]
@@ -104,7 +104,8 @@ fn gathering(
     }
     let beginning = Beginning::new(scene, settings, packed, features, PATHS)?;
     let stored = beginning.stored(settings.photons.amount);
-    let (tables, frame) = (SceneTables::new(packed, features), packed.frame(&scene.camera, settings));
+    let (tables, frame) =
+        (SceneTables::new(packed, features), packed.frame(&scene.camera, settings, &Pass::single(settings)));
     let radius = settings.gather.radius.unwrap_or_else(|| radius::choose(&tables, &frame, &beginning.sample, stored));
     let weigh = |class| {
         let question = Question { stored, radius, tile: settings.gather.tile, class };

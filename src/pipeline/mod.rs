@@ -1,6 +1,7 @@
 //! The order of the stages, on a backend: what changed is redone, what did not is kept.
 
 pub mod change;
+mod fingerprint;
 pub mod path_count;
 pub mod progressive;
 
@@ -28,7 +29,7 @@ use crate::records::Frame;
 use crate::records::packing::Packed;
 use crate::scene::Scene;
 use crate::settings::{
-    Amount, Backend, FinalGather, Gather, GridForm, Lattice, LightMode, Method, Settings, Technique,
+    Amount, Backend, FinalGather, Gather, GridForm, Lattice, LightMode, Method, Pass, Settings, Technique,
 };
 use crate::stage::grid::Wanted;
 use crate::stage::irradiance::{IrradianceStage, IrradianceView};
@@ -141,6 +142,7 @@ pub enum Film {
 struct Last {
     scene: Scene,
     settings: Settings,
+    pass: Pass,
     features: Features,
     packed: Packed,
     photons: Option<MapCounts>,
@@ -275,8 +277,16 @@ impl Pipeline {
     /// # Errors
     /// [`Error::Build`] and [`Error::Device`] from the backend.
     pub fn render(&mut self, scene: &Scene, settings: &Settings) -> Result<Rendering> {
+        self.render_pass(scene, settings, &Pass::single(settings))
+    }
+
+    /// The same for one of many passes.
+    ///
+    /// # Errors
+    /// As [`Pipeline::render`].
+    pub fn render_pass(&mut self, scene: &Scene, settings: &Settings, pass: &Pass) -> Result<Rendering> {
         let start = Instant::now();
-        let mut rendering = self.draw(scene, settings)?;
+        let mut rendering = self.draw(scene, settings, pass)?;
         let mut stopwatch = Stopwatch::new();
         rendering.image = self.tracer.read()?;
         rendering.times.readback = stopwatch.ms();
@@ -284,15 +294,15 @@ impl Pipeline {
         Ok(rendering)
     }
 
-    /// Like [`Pipeline::render`], but leaves the film where it was made: the image is empty, see [`Pipeline::film`].
+    /// Like [`Pipeline::render_pass`], but leaves the film where it was made: the image is empty, see [`Pipeline::film`].
     ///
     /// # Errors
     /// As [`Pipeline::render`].
-    pub fn draw(&mut self, scene: &Scene, settings: &Settings) -> Result<Rendering> {
+    pub fn draw(&mut self, scene: &Scene, settings: &Settings, pass: &Pass) -> Result<Rendering> {
         let start = Instant::now();
         let mut times = Times::default();
-        let change = self.change(scene, settings);
-        let features = Features::of(scene, settings);
+        let change = self.change(scene, settings, pass);
+        let features = Features::of(scene, settings).of_pass(pass);
         let stale = |stage| is_stale(stage, change);
         // Without lights or objects, or with direct light only, there is nothing to store.
         let wants_photons =
@@ -318,7 +328,7 @@ impl Pipeline {
             }
         };
 
-        let frame = packed.frame(&scene.camera, settings);
+        let frame = packed.frame(&scene.camera, settings, pass);
         let mut gathering = None;
         let mut uploads = 0;
         let final_gather = match settings.technique {
@@ -327,7 +337,7 @@ impl Pipeline {
         };
         let wants_map = wants_photons && final_gather.is_none();
         if let (Some(gather), true) = (final_gather, stale(Stage::Photons)) {
-            let emission = emission(settings);
+            let emission = Emission::of(settings, pass);
             if stale(Stage::Upload) || stale(Stage::Compile) {
                 self.irradiance.upload(&packed, &features.of_photons(scene), &emission, gather.texels)?;
                 times.compile += stopwatch.ms();
@@ -337,7 +347,7 @@ impl Pipeline {
         }
         if wants_map {
             if stale(Stage::Photons) {
-                let emission = emission(settings);
+                let emission = Emission::of(settings, pass);
                 self.map.upload(&packed, &features.of_photons(scene), &emission)?;
                 times.compile += stopwatch.ms();
                 photons = Some(self.map.emit(&emission)?);
@@ -394,8 +404,8 @@ impl Pipeline {
             times.upload += stopwatch.ms();
         }
         if stale(Stage::Trace) {
-            let pass = final_gather.and_then(|gather| self.final_pass(&packed, &features, settings, &gather));
-            self.tracer.trace(&frame, indirect(&view, &irradiance, &pass))?;
+            let taken = final_gather.and_then(|gather| self.final_pass(&packed, &features, settings, &gather, pass));
+            self.tracer.trace(&frame, indirect(&view, &irradiance, &taken))?;
             times.trace = stopwatch.ms();
         }
         times.total = start.elapsed().as_secs_f64() * 1e3;
@@ -411,8 +421,16 @@ impl Pipeline {
         let skipped = Stage::ALL.into_iter().filter(|stage| !done(stage)).collect();
         let radius = wants_map.then_some(chosen.radius);
         let stopped = self.partial || !self.tracer.missing().is_empty();
-        self.last =
-            Some(Last { scene: scene.clone(), settings: settings.clone(), features, packed, photons, chosen, stopped });
+        self.last = Some(Last {
+            scene: scene.clone(),
+            settings: settings.clone(),
+            pass: *pass,
+            features,
+            packed,
+            photons,
+            chosen,
+            stopped,
+        });
         let method = wants_map.then_some(chosen.method);
         let tile = method.filter(|method| method.is_tiled()).map(|_| chosen.tile);
         let form = method.filter(|method| !method.reads_stored()).map(|_| match chosen.hashed {
@@ -470,9 +488,9 @@ impl Pipeline {
     ///
     /// # Errors
     /// As [`Pipeline::render`].
-    pub fn retrace(&mut self, scene: &Scene, settings: &Settings) -> Result<f64> {
-        if self.change(scene, settings) != Change::NONE {
-            self.render(scene, settings)?;
+    pub fn retrace(&mut self, scene: &Scene, settings: &Settings, pass: &Pass) -> Result<f64> {
+        if self.change(scene, settings, pass) != Change::NONE {
+            self.render_pass(scene, settings, pass)?;
         }
         self.make_current()?;
         let Some(last) = &self.last else { return Ok(0.0) };
@@ -482,9 +500,11 @@ impl Pipeline {
         };
         let view = last.photons.filter(|_| final_gather.is_none()).and_then(|_| self.map.view());
         let irradiance = last.photons.and(final_gather).and_then(|_| self.irradiance.view());
-        let pass = final_gather.and_then(|gather| self.final_pass(&last.packed, &last.features, settings, &gather));
+        let taken =
+            final_gather.and_then(|gather| self.final_pass(&last.packed, &last.features, settings, &gather, pass));
         let mut stopwatch = Stopwatch::new();
-        self.tracer.trace(&last.packed.frame(&scene.camera, settings), indirect(&view, &irradiance, &pass))?;
+        let frame = last.packed.frame(&scene.camera, settings, pass);
+        self.tracer.trace(&frame, indirect(&view, &irradiance, &taken))?;
         Ok(stopwatch.ms())
     }
 
@@ -495,9 +515,10 @@ impl Pipeline {
         features: &Features,
         settings: &Settings,
         gather: &FinalGather,
+        pass: &Pass,
     ) -> Option<FinalPass> {
         let plan = self.irradiance.plan()?;
-        Some(FinalPass::new(&SceneTables::new(packed, features), plan, settings, gather))
+        Some(FinalPass::new(&SceneTables::new(packed, features), plan, settings, gather, pass))
     }
 
     /// What gathering costs are known for on this backend.
@@ -549,29 +570,29 @@ impl Pipeline {
     }
 
     /// What changed since the last picture.
-    fn change(&self, scene: &Scene, settings: &Settings) -> Change {
+    fn change(&self, scene: &Scene, settings: &Settings, pass: &Pass) -> Change {
         let Some(last) = &self.last else { return Change::ALL };
         let (before, was) = (&last.scene, &last.settings);
         let technique = |s: &Settings| match s.technique {
             Technique::Map => None,
             Technique::FinalGather(gather) => Some((gather.spacing > 1, gather.texels)),
         };
-        let size = |s: &Settings| (s.width, s.height, s.samples, s.first_sample, s.jittered, s.seed);
-        let emitted = |s: &Settings| (s.photons, s.seed, s.light);
+        let size = |s: &Settings| (s.width, s.height, s.samples);
+        let emitted = |s: &Settings, pass: &Pass| (s.photons, s.light, pass.index, pass.seed);
         Change::CAMERA
-            .when(before.camera != scene.camera || size(was) != size(settings))
+            .when(before.camera != scene.camera || size(was) != size(settings) || last.pass != *pass)
             .and(Change::CAMERA.when(last.stopped))
             .and(Change::LIGHTS.when(before.lights != scene.lights))
             .and(Change::MATERIALS.when(before.materials != scene.materials))
             .and(Change::GEOMETRY.when(before.spheres != scene.spheres || before.planes != scene.planes))
-            .and(Change::PHOTONS.when(emitted(was) != emitted(settings)))
+            .and(Change::PHOTONS.when(emitted(was, &last.pass) != emitted(settings, pass)))
             .and(Change::GATHER.when(was.gather != settings.gather))
             // Another technique has tables of its own; another pass of the same one has another lattice.
             .and(Change::TECHNIQUE.when(technique(was) != technique(settings)))
             .and(Change::CAMERA.when(was.technique != settings.technique))
             // Moving the camera can put a plane between it and the lights, which gathering has to know.
             .and(Change::FEATURES.when(is_divided(before) != is_divided(scene)))
-            .and(Change::FEATURES.when(last.features != Features::of(scene, settings)))
+            .and(Change::FEATURES.when(last.features != Features::of(scene, settings).of_pass(pass)))
     }
 }
 
@@ -612,17 +633,6 @@ fn grid_wanted(settings: &Settings, radius: f32, usual: CellSize, origin: DVec3)
         GridForm::Hashed => Form::Hashed(None),
     };
     Wanted { radius, size, form, nearest: settings.gather.nearest }
-}
-
-/// What one pass emits at these settings.
-pub(crate) fn emission(settings: &Settings) -> Emission {
-    Emission {
-        amount: settings.photons.amount,
-        seed: settings.seed,
-        pass: settings.photons.pass,
-        sampler: settings.photons.sampler,
-        store_direct: settings.light == LightMode::Photons,
-    }
 }
 
 /// Milliseconds since the last call.

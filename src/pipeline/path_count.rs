@@ -4,14 +4,14 @@
 use std::rc::Rc;
 
 use crate::error::{Error, Result};
-use crate::pipeline::emission;
 use crate::plan::photon_sample::Sample;
 use crate::plan::radius;
 use crate::program::features::Features;
+use crate::rays::emission::Emission;
 use crate::rays::scene::SceneTables;
 use crate::records::packing::Packed;
 use crate::scene::Scene;
-use crate::settings::{Amount, LightMode, Photons, Settings};
+use crate::settings::{Amount, LightMode, Pass, Photons, Settings};
 use crate::stage::map::{MapCounts, MapStage};
 
 /// Photons that a map should hold. A density estimate of them at the radius that is chosen for them rests on some
@@ -69,7 +69,7 @@ impl Beginning {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
         let pool = Rc::new(pool.map_err(|error| Error::Device(format!("a thread: {error}")))?);
         let mut map = MapStage::on_host(pool);
-        let emission = emission(&shortened);
+        let emission = Emission::of(&shortened, &Pass::single(settings));
         map.upload(packed, &features.of_photons(scene), &emission)?;
         let counts = map.emit(&emission)?;
         Ok(Beginning { counts, sample: map.sample(radius::SAMPLE)? })
@@ -121,8 +121,8 @@ pub fn choose(scene: &Scene, settings: &Settings) -> Result<Option<Chosen>> {
     let features = Features::of(scene, settings);
     let packed = Packed::new(scene, scene.camera.position);
     let amount = Amount::Paths(LOOKED_AT);
-    // Of every seed's and pass's picture the same number.
-    let looking = Settings { seed: 0, photons: Photons { amount, pass: 0, ..settings.photons }, ..settings.clone() };
+    // Of every seed's picture the same number.
+    let looking = Settings { seed: 0, photons: Photons { amount, ..settings.photons }, ..settings.clone() };
     let beginning = Beginning::new(scene, &looking, &packed, &features, LOOKED_AT)?;
     let of_a_path = beginning.of_a_path();
     if of_a_path == 0.0 {
@@ -132,7 +132,8 @@ pub fn choose(scene: &Scene, settings: &Settings) -> Result<Option<Chosen>> {
     let mut wanted = STORED;
     let mut of_radius = String::new();
     if let Some(radius) = settings.gather.radius {
-        let (tables, frame) = (SceneTables::new(&packed, &features), packed.frame(&scene.camera, settings));
+        let (tables, frame) =
+            (SceneTables::new(&packed, &features), packed.frame(&scene.camera, settings, &Pass::single(settings)));
         let own = radius::choose(&tables, &frame, &beginning.sample, STORED as u64);
         wanted *= f64::from(own / radius).powi(6).clamp(1.0 / OF_RADIUS, OF_RADIUS);
         of_radius = format!(" at R = {radius} m");

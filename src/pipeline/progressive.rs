@@ -11,12 +11,13 @@
 use glam::DVec3;
 
 use crate::error::{Error, Result};
-use crate::film::{Accumulator, Channel, Image, REPLICATES, STUDENT_90, fnv1a};
+use crate::film::{Accumulator, Channel, Image, REPLICATES, STUDENT_90};
+use crate::pipeline::fingerprint::fingerprint;
 use crate::pipeline::{Pipeline, Rendering};
 use crate::rays::random::hash2_u;
 use crate::records::MAX_EXACT_INDEX;
 use crate::scene::Scene;
-use crate::settings::{Amount, Method, Settings, Technique};
+use crate::settings::{Amount, Method, Pass, Settings, Technique};
 
 /// The radius of pass i falls such that variance per pass grows as i^(1−α), and so does what is summed of it as i^−α
 /// with the squared bias: 2/3 makes both fall alike (Knaus & Zwicker 2011, §5).
@@ -100,23 +101,26 @@ impl Progressive {
         self.sums.passes()
     }
 
-    /// The settings of the next pass, for those who draw it themselves and then [`Progressive::add`] it.
+    /// The next pass and its settings, for those who draw it themselves and then [`Progressive::add`] it.
     ///
     /// # Errors
     /// [`Error::Usage`] after 2²⁴ samples a pixel.
-    pub fn next_settings(&mut self) -> Result<Settings> {
+    pub fn next_pass(&mut self) -> Result<(Settings, Pass)> {
         let index = self.sums.passes();
-        let (replicate, turn) = (index % REPLICATES as u64, index / REPLICATES as u64);
-        let mut settings = Settings { jittered: true, ..self.settings.clone() };
-        settings.seed = hash2_u(self.settings.seed, replicate as u32 + 1);
-        let first_sample = turn * u64::from(settings.samples);
+        let (replicate, round) = (index % REPLICATES as u64, index / REPLICATES as u64);
+        let mut settings = self.settings.clone();
+        let first_sample = round * u64::from(settings.samples);
         if first_sample + u64::from(settings.samples) >= MAX_EXACT_INDEX {
             return Err(Error::Usage(format!("{index} passes: samples can be counted no further in float values")));
         }
-        settings.first_sample = first_sample as u32;
-        settings.photons.pass = index as u32;
+        let pass = Pass {
+            index: index as u32,
+            seed: hash2_u(settings.seed, replicate as u32 + 1),
+            round: round as u32,
+            first_sample: first_sample as u32,
+            jittered: true,
+        };
         if let Technique::FinalGather(gather) = &mut settings.technique {
-            gather.turn = turn as u32;
             gather.texels <<= 2 * texel_level(index);
             // As many photons a texel as before: their noise is that of every ray.
             if let Amount::Paths(paths) = &mut settings.photons.amount {
@@ -133,7 +137,7 @@ impl Progressive {
                 settings.gather.method = Method::Grid;
             }
         }
-        Ok(settings)
+        Ok((settings, pass))
     }
 
     /// The sums that the bias is estimated from.
@@ -151,12 +155,12 @@ impl Progressive {
     /// # Errors
     /// As [`Progressive::step`].
     pub fn warm_up(&mut self, pipeline: &mut Pipeline, scene: &Scene) -> Result<Rendering> {
-        let mut settings = self.next_settings()?;
+        let (mut settings, pass) = self.next_pass()?;
         (settings.width, settings.height) = (settings.width.min(16), settings.height.min(16));
         if let Amount::Paths(paths) = &mut settings.photons.amount {
             *paths = (*paths).min(1024);
         }
-        pipeline.render(scene, &settings)
+        pipeline.render_pass(scene, &settings, &pass)
     }
 
     /// Renders one more pass.
@@ -164,13 +168,13 @@ impl Progressive {
     /// # Errors
     /// As [`Pipeline::render`]; [`Error::Usage`] after 2²⁴ samples a pixel.
     pub fn step(&mut self, pipeline: &mut Pipeline, scene: &Scene) -> Result<Rendering> {
-        let settings = self.next_settings()?;
-        let rendering = pipeline.render(scene, &settings)?;
+        let (settings, pass) = self.next_pass()?;
+        let rendering = pipeline.render_pass(scene, &settings, &pass)?;
         self.add(&rendering);
         Ok(rendering)
     }
 
-    /// Takes in the pass that [`Progressive::next_settings`] asked for, image included.
+    /// Takes in the pass that [`Progressive::next_pass`] asked for, image included.
     pub fn add(&mut self, rendering: &Rendering) {
         if let Some(radius) = rendering.radius {
             let index = self.sums.passes();
@@ -273,13 +277,6 @@ pub fn channels(estimate: &Estimate) -> Vec<Channel> {
         })
     });
     named.collect()
-}
-
-/// Of all that decides a pass's pixels.
-fn fingerprint(scene: &Scene, settings: &Settings) -> u64 {
-    let Scene { name: _, camera, materials, lights, spheres, planes, render: _ } = scene;
-    // Debug prints every float in full, and any change of a type's fields changes it too.
-    fnv1a(format!("passes {camera:?}{materials:?}{lights:?}{spheres:?}{planes:?}{settings:?}").as_bytes())
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::records::{Frame, Glass, LIGHTS_IN_UNIFORMS, Light, OBJECTS_IN_UNIFORMS, Object, PLANE, SPHERE};
 use crate::scene::{Camera, Scene};
-use crate::settings::Settings;
+use crate::settings::{Pass, Settings};
 
 /// A scene as the devices hold it.
 #[derive(Clone, Debug, PartialEq)]
@@ -84,8 +84,8 @@ impl Packed {
         self.objects.len() - self.sphere_count
     }
 
-    /// The picture's own numbers, for this scene and camera.
-    pub fn frame(&self, camera: &Camera, settings: &Settings) -> Frame {
+    /// The picture's own numbers, for this scene, camera and pass.
+    pub fn frame(&self, camera: &Camera, settings: &Settings, pass: &Pass) -> Frame {
         // An orthonormal basis in double precision, scaled so that (±1, ±1) are the image's corners.
         let forward = (camera.look_at - camera.position).normalize();
         let right = forward.cross(camera.up).normalize();
@@ -103,9 +103,9 @@ impl Packed {
             sphere_count: self.sphere_count as f32,
             plane_count: self.plane_count() as f32,
             light_count: self.lights.len() as f32,
-            seed_low: (settings.seed & 0xffff) as f32,
-            seed_high: (settings.seed >> 16) as f32,
-            first_sample: settings.first_sample as f32,
+            seed_low: (pass.seed & 0xffff) as f32,
+            seed_high: (pass.seed >> 16) as f32,
+            first_sample: pass.first_sample as f32,
         }
     }
 }
