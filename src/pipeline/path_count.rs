@@ -9,10 +9,12 @@ use crate::plan::radius;
 use crate::program::features::Features;
 use crate::rays::emission::Emission;
 use crate::rays::scene::SceneTables;
+use crate::records::packed_scene::PackedScene;
 use crate::records::packing::Packed;
 use crate::scene::Scene;
 use crate::settings::{Amount, LightMode, Pass, Photons, Settings};
 use crate::stage::map::{MapCounts, MapStage};
+use crate::techniques::wants_photons;
 
 /// Photons that a map should hold. A density estimate of them at the radius that is chosen for them rests on some
 /// 1,400 photons: 2 to 3% of noise a pixel, about as much as its bias.
@@ -41,12 +43,6 @@ pub struct Beginning {
     pub sample: Sample,
 }
 
-/// Whether a picture has photons at all.
-pub fn wants_photons(scene: &Scene, settings: &Settings) -> bool {
-    let objects = scene.spheres.len() + scene.planes.len();
-    settings.light != LightMode::Direct && !scene.lights.is_empty() && objects > 0
-}
-
 impl Beginning {
     /// Emits the first `paths` paths of a picture's map, or stores so many photons where a number of those is asked
     /// for.
@@ -56,7 +52,7 @@ impl Beginning {
     pub fn new(
         scene: &Scene,
         settings: &Settings,
-        packed: &Packed,
+        packed: &PackedScene,
         features: &Features,
         paths: u32,
     ) -> Result<Beginning> {
@@ -119,7 +115,7 @@ pub fn choose(scene: &Scene, settings: &Settings) -> Result<Option<Chosen>> {
         return Ok(None);
     }
     let features = Features::of(scene, settings);
-    let packed = Packed::new(scene, scene.camera.position);
+    let packed = PackedScene::new(Packed::new(scene, scene.camera.position));
     let amount = Amount::Paths(LOOKED_AT);
     // Of every seed's picture the same number.
     let looking = Settings { seed: 0, photons: Photons { amount, ..settings.photons }, ..settings.clone() };

@@ -5,6 +5,7 @@
 //! [`prelude`] turns the declarations into `#define`s that GLSL and OpenCL C both understand, on top of a few
 //! fetch macros that the two shims define (`glsl/shim.glsl`, `kernels/shim.cl`).
 
+pub mod packed_scene;
 pub mod packing;
 
 use std::fmt::Write;

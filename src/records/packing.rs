@@ -1,10 +1,22 @@
 //! From a scene in double precision to float32 records, recentred so that float32's digits are spent near the camera.
 
+use std::cell::Cell;
+
 use glam::DVec3;
 
 use crate::records::{Frame, Glass, LIGHTS_IN_UNIFORMS, Light, OBJECTS_IN_UNIFORMS, Object, PLANE, SPHERE};
 use crate::scene::{Camera, Scene};
 use crate::settings::{Pass, Settings};
+
+thread_local! {
+    static PACKINGS: Cell<u64> = const { Cell::new(0) };
+}
+
+/// How often this thread has packed a scene. That takes as long as the scene is large: tests hold that nobody does it to
+/// learn that nothing changed.
+pub fn packings() -> u64 {
+    PACKINGS.get()
+}
 
 /// A scene as the devices hold it.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,6 +39,7 @@ impl Packed {
     /// Subtracting it in double precision means that a scene far from the world's origin loses nothing but what its
     /// own numbers had lost already.
     pub fn new(scene: &Scene, origin: DVec3) -> Packed {
+        PACKINGS.set(PACKINGS.get() + 1);
         let object = |anchor: [f32; 3], extent: f64, kind: f32, material: usize| {
             let material = &scene.materials[material];
             Object {

@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::film::Image;
 use crate::program::gathering::Gathering;
 use crate::program::source::{Options, assemble};
-use crate::records::packing::Packed;
+use crate::records::packed_scene::PackedScene;
 use crate::records::{Frame, Gather, Light, LitPoint, Object, Site, SiteLattice, SiteSurface};
 use crate::stage::irradiance::IrradianceView;
 use crate::stage::map::MapView;
@@ -140,7 +140,7 @@ impl Trace for ClTrace {
         Ok(())
     }
 
-    fn upload(&mut self, packed: &Packed) -> Result<()> {
+    fn upload(&mut self, packed: &PackedScene) -> Result<()> {
         check_count(packed)?;
         self.objects = Some(Buffer::from_slice(&self.context, &packed.objects)?);
         self.lights = Some(Buffer::from_slice(&self.context, &packed.lights)?);

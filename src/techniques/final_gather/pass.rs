@@ -8,30 +8,20 @@ use crate::rays::scene::SceneTables;
 use crate::rays::walk::emit_photon;
 use crate::records::{LitPoint, SiteLattice};
 use crate::settings::{FinalGather, Pass, Settings};
+use crate::stage::trace::FinalPass;
 
-/// Of one pass.
-#[derive(Clone, Debug)]
-pub struct FinalPass {
-    /// The sites.
-    pub lattice: SiteLattice,
-    /// Shared by all of them. At least one, since no table is empty: the lattice tells how many count.
-    pub points: Vec<LitPoint>,
-}
-
-impl FinalPass {
-    /// For a scene's pass.
-    pub fn new(scene: &SceneTables, plan: &Plan, settings: &Settings, gather: &FinalGather, pass: &Pass) -> FinalPass {
-        let mut points = lit_points(scene, plan, gather, pass);
-        let lattice = SiteLattice {
-            points: points.len() as f32,
-            points_per_watt: points_per_watt(scene, gather),
-            ..lattice(settings, gather, pass)
-        };
-        if points.is_empty() {
-            points.push(LitPoint::default());
-        }
-        FinalPass { lattice, points }
+/// For a scene's pass.
+pub fn prepare(scene: &SceneTables, plan: &Plan, settings: &Settings, gather: &FinalGather, pass: &Pass) -> FinalPass {
+    let mut points = lit_points(scene, plan, gather, pass);
+    let lattice = SiteLattice {
+        points: points.len() as f32,
+        points_per_watt: points_per_watt(scene, gather),
+        ..lattice(settings, gather, pass)
+    };
+    if points.is_empty() {
+        points.push(LitPoint::default());
     }
+    FinalPass { lattice, points }
 }
 
 /// The lattice of a pass. It lies elsewhere in every pass, evenly over the passes, so that their mean knows no lattice.
