@@ -45,3 +45,5 @@ pub mod error;
 
 pub mod scene;
 pub mod settings;
+
+pub mod kinds;

@@ -11,7 +11,7 @@ use crate::plan::radius::{RASTER, visible_points};
 use crate::plan::tiling::MAX_CELLS;
 use crate::rays::camera::camera_direction;
 use crate::rays::scene::SceneTables;
-use crate::records::{Frame, Object, PLANE};
+use crate::records::{Frame, PLANE, Shape};
 use crate::settings::Method;
 
 /// Sizes of tiles that are weighed where none are asked for, pixels.
@@ -207,7 +207,7 @@ pub fn estimates(scene: &SceneTables, frame: &Frame, sample: &Sample, question: 
     let points: Vec<(Vec3, usize)> = visible
         .iter()
         .step_by(visible.len().div_ceil(POINTS).max(1))
-        .map(|(p, (object, side))| (*p, 2 * object + usize::from(*side < 0.0)))
+        .map(|(p, (shape, side))| (*p, 2 * shape + usize::from(*side < 0.0)))
         .collect();
     let pixels = f64::from(frame.width * frame.height * frame.samples.max(1.0));
     // Points stand for this many pixels each.
@@ -216,7 +216,7 @@ pub fn estimates(scene: &SceneTables, frame: &Frame, sample: &Sample, question: 
     // Photons by face, the first ones of the sample: any beginning of it is as well spread as the whole.
     let looked_at = sample.positions.len().min(PAIRS / points.len().max(1));
     let scale = stored as f64 / looked_at.max(1) as f64;
-    let mut faces = vec![Vec::new(); 2 * scene.objects.len()];
+    let mut faces = vec![Vec::new(); 2 * scene.shapes.len()];
     for (position, face) in sample.positions.iter().zip(&sample.faces).take(looked_at) {
         faces[*face as usize].push(Vec3::from(position.position));
     }
@@ -231,12 +231,12 @@ pub fn estimates(scene: &SceneTables, frame: &Frame, sample: &Sample, question: 
     // By size of tiles: entries of lists, those in the cells around points, rows of these cells, and cells of a tile.
     let mut tiled = vec![[0.0; 4]; sizes.len()];
     for &(p, face) in &points {
-        let object = &scene.objects[face / 2];
-        let flat = object.kind == PLANE && Vec3::from(object.anchor).abs().max_element() > 0.999;
+        let shape = &scene.shapes[face / 2];
+        let flat = shape.kind == PLANE && Vec3::from(shape.anchor).abs().max_element() > 0.999;
         // An area's image on the surface, as a disc of the same area; slanted surfaces fill more of it.
         let away = p - Vec3::from(frame.position);
         let depth = away.dot(frame.forward.into());
-        let normal = if object.kind == PLANE { object.anchor.into() } else { p - Vec3::from(object.anchor) };
+        let normal = if shape.kind == PLANE { shape.anchor.into() } else { p - Vec3::from(shape.anchor) };
         let cosine = (away.dot(normal) / (away.length() * normal.length())).abs().max(0.03);
         let [width, height] = [frame.right, frame.up].map(|half| 2.0 * Vec3::from(half).length() * depth);
         let image = |size: [f32; 2]| {
@@ -257,8 +257,8 @@ pub fn estimates(scene: &SceneTables, frame: &Frame, sample: &Sample, question: 
         for ((size, tiled), reaches) in sizes.iter().zip(&mut tiled).zip(&mut reaches) {
             let [across, down] = image(size.map(|pixels| pixels as f32));
             // A large tile's cells are larger than a grid's: it has only so many, and towards a horizon sees far.
-            let area = match object.kind == PLANE {
-                true => plane_area(object, frame, pixel_of(frame, away), *size, radius),
+            let area = match shape.kind == PLANE {
+                true => plane_area(shape, frame, pixel_of(frame, away), *size, radius),
                 false => (across + 2.0 * radius) * (down + 2.0 * radius),
             };
             let own_cell = (radius / CELLS_PER_RADIUS).max((area / MAX_CELLS as f32).sqrt());
@@ -330,7 +330,7 @@ fn pixel_of(frame: &Frame, away: Vec3) -> [f32; 2] {
 
 /// Square metres of the box of what a pixel's tile sees of a plane, R farther on all sides; nothing stands before it. Where
 /// the tile reaches beyond the horizon, as far as its last pixel may see.
-fn plane_area(plane: &Object, frame: &Frame, pixel: [f32; 2], tile: [u32; 2], radius: f32) -> f32 {
+fn plane_area(plane: &Shape, frame: &Frame, pixel: [f32; 2], tile: [u32; 2], radius: f32) -> f32 {
     let (origin, normal) = (Vec3::from(frame.position), Vec3::from(plane.anchor));
     let height = plane.extent - normal.dot(origin);
     let farthest = height.abs() * frame.height / Vec3::from(frame.up).length();
@@ -355,13 +355,13 @@ fn plane_area(plane: &Object, frame: &Frame, pixel: [f32; 2], tile: [u32; 2], ra
 
 /// The grid of the whole map, by what the sample tells of it.
 fn grid(scene: &SceneTables, sample: &Sample, question: &Question) -> Option<cells::Plan> {
-    let mut bounds = vec![Bounds::EMPTY; 2 * scene.objects.len()];
+    let mut bounds = vec![Bounds::EMPTY; 2 * scene.shapes.len()];
     for (position, face) in sample.positions.iter().zip(&sample.faces) {
         bounds[*face as usize].add(position.position);
     }
     let (stored, wanted) = (question.stored as usize, (question.class.cell_size(), Form::Auto));
     let crowd = || Ok(photon_density::crowd(&sample.positions, sample.faces.iter().copied(), stored, question.radius));
-    cells::plan_by_crowd(scene.objects, &bounds, stored, question.radius, wanted, crowd).ok()
+    cells::plan_by_crowd(scene.shapes, scene.is_glossy(), &bounds, stored, question.radius, wanted, crowd).ok()
 }
 
 /// What a method took.
@@ -490,7 +490,7 @@ mod tests {
         let (width, height) = (200.0, 100.0);
         let (right, up, forward) = ([1.0, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, 0.0, -1.0]);
         let frame = Frame { right, up, forward, position: [0.0, 1.0, 0.0], width, height, ..Frame::default() };
-        let ground = Object { kind: PLANE, anchor: [0.0, 1.0, 0.0], extent: 0.0, ..Object::default() };
+        let ground = Shape { kind: PLANE, anchor: [0.0, 1.0, 0.0], extent: 0.0, ..Shape::default() };
         let point = Vec3::new(0.35, 0.0, -2.5);
         let pixel = pixel_of(&frame, point - Vec3::from(frame.position));
         assert!((pixel[0] - 114.0).abs() < 1e-3 && (pixel[1] - 90.0).abs() < 1e-3, "{pixel:?}");

@@ -48,6 +48,6 @@ mod tests {
         let second = PackedScene::new(Packed::new(&scene, DVec3::ZERO));
         assert_eq!(first.clone().generation(), first.generation());
         assert_ne!(first.generation(), second.generation());
-        assert_eq!(first.objects.as_ptr(), first.clone().objects.as_ptr(), "clones share their records");
+        assert_eq!(first.shapes.as_ptr(), first.clone().shapes.as_ptr(), "clones share their records");
     }
 }

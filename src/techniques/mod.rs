@@ -72,8 +72,8 @@ pub fn of(scene: &Scene, settings: &Settings) -> Result<&'static Row> {
 
 /// Whether a picture has photons at all.
 pub fn wants_photons(scene: &Scene, settings: &Settings) -> bool {
-    let objects = scene.spheres.len() + scene.planes.len();
-    settings.light != LightMode::Direct && !scene.lights.is_empty() && objects > 0
+    let shapes = scene.spheres.len() + scene.planes.len();
+    settings.light != LightMode::Direct && !scene.lights.is_empty() && shapes > 0
 }
 
 /// How the bias of a mean of passes is estimated, from sums that are kept beside the passes' own.

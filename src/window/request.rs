@@ -66,7 +66,7 @@ impl Request {
             passes = Settings { technique: Technique::Map, ..settings.clone() };
         }
         let packed = Packed::new(&scene, scene.camera.position);
-        let gathering = Gathering::of(&packed.objects, packed.sphere_count, is_divided(&scene));
+        let gathering = Gathering::of(&packed.shapes, packed.sphere_count, is_divided(&scene));
         let key = Key::new(&scene, &settings, backend, gathering);
         Request { scene, settings, passes, backend, key }
     }

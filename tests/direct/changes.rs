@@ -4,7 +4,7 @@ use glam::DVec3;
 use photile::pipeline::change::Stage::{self, Compile, Grid, Photons, Textures, Tiles, Trace, Upload};
 use photile::program::features::Features;
 use photile::scene::{Scene, Sphere};
-use photile::settings::{Amount, LightMode, Pass, Settings};
+use photile::settings::{Amount, Backend, FinalGather, Gather, LightMode, Method, Pass, Settings, Technique};
 
 use crate::common::{backends, direct, open, scene, shipped};
 
@@ -70,6 +70,55 @@ fn only_what_changed_is_redone_and_the_picture_is_that_of_a_fresh_start() {
     }
 }
 
+/// What only pictures of photons show.
+const OF_PHOTONS: &[Case] = &[
+    ("number of photons", |_, settings, _| settings.photons.amount = Amount::Paths(1500), &[Compile, Upload]),
+    ("pass", |_, _, pass| pass.index = 5, &[Compile, Upload]),
+];
+
+#[test]
+fn pictures_of_photons_follow_every_change_to_the_byte() {
+    let (scene, other) = (shipped("gi_ref"), shipped("sphere_and_plane"));
+    let direct = direct(24, 18, 2);
+    let photons = photile::settings::Photons { amount: Amount::Paths(1000), ..direct.photons };
+    let map = |method| {
+        let gather = Gather { method, ..direct.gather };
+        Settings { light: LightMode::Hybrid, photons, gather, ..direct.clone() }
+    };
+    let rays = FinalGather { rays: 4, own_rays: 2, points: 4, texels: 2000, ..FinalGather::default() };
+    let final_gather = Settings { technique: Technique::FinalGather(rays), ..map(Method::Grid) };
+    for backend in [Backend::Cpu, Backend::OpenCl] {
+        let (Some(mut pipeline), Some(mut fresh)) = (open(backend), open(backend)) else { continue };
+        for settings in [map(Method::Grid), map(Method::Tiles), final_gather.clone()] {
+            for (what, change, skipped) in CASES.iter().chain(OF_PHOTONS) {
+                // Kernels of PoCL take seconds to build: one backend is enough for what needs other programs.
+                if backend == Backend::OpenCl && !skipped.contains(&Compile) {
+                    continue;
+                }
+                let what = format!("{}, {:?}, {what}", backend.name(), settings.technique);
+                let first = pipeline.render(&scene, &settings).unwrap().image;
+                let (mut changed, mut changed_settings) = (scene.clone(), settings.clone());
+                let mut pass = Pass::single(&settings);
+                change(&mut changed, &mut changed_settings, &mut pass);
+                let found = pipeline.render_pass(&changed, &changed_settings, &pass).unwrap().image;
+                assert_eq!(found == first, what.ends_with("nothing"), "{what}: the picture is the old one");
+                // All that this one holds is another scene's.
+                fresh.render(&other, &settings).unwrap();
+                let expected = fresh.render_pass(&changed, &changed_settings, &pass).unwrap().image;
+                // A moved camera keeps the origin where it was.
+                assert!(found == expected || changed.camera != scene.camera, "{what}: not the bytes of a fresh start");
+            }
+        }
+        // From one technique to the next nothing stays behind.
+        let kinds = [map(Method::Grid), direct.clone(), final_gather.clone(), map(Method::Tiles), final_gather.clone()];
+        for settings in kinds.iter().chain(&kinds) {
+            let found = pipeline.render(&scene, settings).unwrap().image;
+            fresh.render(&other, settings).unwrap();
+            assert!(found == fresh.render(&scene, settings).unwrap().image, "{settings:?}");
+        }
+    }
+}
+
 #[test]
 fn several_pipelines_of_a_thread_keep_to_themselves() {
     let (room, open_scene, settings) = (shipped("gi_ref"), shipped("furnace"), direct(64, 48, 1));
@@ -97,7 +146,7 @@ fn several_pipelines_of_a_thread_keep_to_themselves() {
 fn a_refused_picture_leaves_the_pipeline_usable() {
     // A target larger than any GL driver's limit; the others would only need the memory, so they are not asked.
     let (scene, settings) = (shipped("gi_ref"), direct(64, 48, 1));
-    let Some(mut pipeline) = open(photile::settings::Backend::OpenGl) else { return };
+    let Some(mut pipeline) = open(Backend::OpenGl) else { return };
     let image = pipeline.render(&scene, &settings).unwrap().image;
     let refused = pipeline.render(&scene, &direct(1 << 20, 1, 1)).err().expect("a million columns").to_string();
     assert!(refused.contains("1048576 × 1") && refused.contains("limit"), "{refused}");

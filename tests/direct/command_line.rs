@@ -6,7 +6,7 @@ use std::process::{Command, Output};
 use photile::film::Image;
 use serde_json::Value;
 
-use crate::common::{missing, scene_path};
+use crate::common::{missing, one_at_a_time, scene_path};
 
 /// What hides OpenCL from the ICD loader and OpenGL from libglvnd.
 pub const HIDDEN: [(&str, &str); 2] =
@@ -221,6 +221,7 @@ fn a_folder_that_cannot_be_written_to_is_refused_at_once() {
 
 #[test]
 fn an_unknown_device_is_refused_with_those_that_are_there() {
+    one_at_a_time();
     if let Err(error) = photile::device::cl::devices(None) {
         return missing("OpenCL", &error);
     }
@@ -293,12 +294,12 @@ fn plan_lists_what_is_used_and_prints_what_the_driver_gets() {
     assert_eq!(feature("HAS_PLANE_SHADOWS")["used"], false, "nothing but walls around camera and light");
     assert!(feature("HAS_PLANE_SHADOWS")["why"].as_str().unwrap().contains("0 of 6 planes"));
     let uploads = json["uploads"].as_array().unwrap();
-    let objects = uploads.iter().find(|table| table["table"] == "objects").unwrap();
-    // 12 floats in four texels each.
-    assert_eq!(
-        (objects["records"].as_u64(), objects["texels"].as_u64(), objects["bytes"].as_u64()),
-        (Some(8), Some(32), Some(384))
-    );
+    // Six floats in two texels each, and nine in three.
+    for (name, texels, bytes) in [("shapes", 16, 192), ("materials", 24, 288)] {
+        let table = uploads.iter().find(|table| table["table"] == name).unwrap();
+        let found = ["records", "texels", "bytes"].map(|key| table[key].as_u64());
+        assert_eq!(found, [Some(8), Some(texels), Some(bytes)], "{name}");
+    }
 
     let furnace = scene_path("furnace").display().to_string();
     let shader = run(&["plan", &furnace, "--light", "direct", "--source", "trace.frag"]).ends(0, &[]).stdout;

@@ -1,4 +1,4 @@
-//! Grid against tiles, on request: `cargo test --release --test photon_map tile_timings -- --ignored --nocapture`.
+//! Grid against tiles, on request: `cargo test --release --test all photon_map::tile_timings -- --ignored --nocapture`.
 
 use glam::Vec3;
 use photile::cpu::gather::{PhotonMap, for_each_candidate, for_each_listed, near};
@@ -15,8 +15,8 @@ use photile::rays::scene::SceneTables;
 use photile::records::packing::Packed;
 use photile::settings::{Amount, Backend, Gather, Pass, Photons, Sampler, Settings};
 
-use super::device;
 use super::tiles::scene;
+use crate::common::one_at_a_time;
 
 const TILES: [[u32; 2]; 3] = [[80, 80], [32, 32], [16, 16]];
 
@@ -34,7 +34,7 @@ fn settings(method: Method, tile: [u32; 2], stored: u32, radius: Option<f32>, si
 #[test]
 #[ignore = "measures, asserts nothing"]
 fn tile_timings() {
-    let _alone = device();
+    one_at_a_time();
     for (backend, size) in [(Backend::OpenCl, [640, 480]), (Backend::OpenGl, [160, 120])] {
         let machine = Machine { backend: Some(backend), ..Machine::default() };
         let mut pipeline = Pipeline::open(&machine, |_| {}).unwrap();
@@ -89,8 +89,8 @@ fn candidates_of_an_accepted_photon() {
             let plan_of_paths = emission::Plan::new(&packed).unwrap();
             let stored = photile::cpu::photons::photons(&tables, &plan_of_paths, &emission).unwrap();
             let view = stored.view();
-            let bounds = grid_bounds(&view, 2 * packed.objects.len());
-            let cells = plan(&packed.objects, &bounds, stored.len(), radius, CellSize::Auto, Form::Auto).unwrap();
+            let bounds = grid_bounds(&view, 2 * packed.shapes.len());
+            let cells = plan(&packed.shapes, false, &bounds, stored.len(), radius, CellSize::Auto, Form::Auto).unwrap();
             let sorted = grid(&view, &cells);
             let gathering = Gathering { hashed: cells.hashed, ..Gathering::default() };
             let map = PhotonMap { gathering: &gathering, plan: &cells, stored: view, grid: &sorted, tiles: None };
@@ -102,7 +102,7 @@ fn candidates_of_an_accepted_photon() {
                     let direction = camera_direction(&frame, x as f32 + 0.5, y as f32 + 0.5);
                     let hit = tables.closest_hit(frame.position.into(), direction, None)?;
                     let s = tables.surface_at(frame.position.into(), direction, hit);
-                    Some((x, y, 2 * s.object + usize::from(s.side < 0.0), s.position))
+                    Some((x, y, 2 * s.shape + usize::from(s.side < 0.0), s.position))
                 })
                 .collect();
             let (mut accepted, mut candidates) = (0, 0);
@@ -118,7 +118,7 @@ fn candidates_of_an_accepted_photon() {
             for (cells, tile) in [false, true].into_iter().flat_map(|cells| TILES.map(|tile| (cells, tile))) {
                 let wanted = tiling::Wanted { radius, tile, cells };
                 let seen = tiles_seen(&tables, &frame, tile);
-                let plan = tiling::plan(&packed.objects, &frame, seen, stored.len(), &wanted).unwrap();
+                let plan = tiling::plan(&packed.shapes, &frame, seen, stored.len(), &wanted).unwrap();
                 let lists = tiles(&view, &plan, &frame).unwrap();
                 let mut candidates = 0usize;
                 for &(x, y, face, p) in &points {

@@ -65,7 +65,7 @@ impl Density {
             method: self.chosen.method,
             kernel: task.settings.gather.kernel,
             hashed: self.chosen.hashed,
-            ..Gathering::of(&task.packed.objects, task.packed.sphere_count, task.is_divided)
+            ..Gathering::of(&task.packed.shapes, task.packed.sphere_count, task.is_divided)
         }
     }
 
