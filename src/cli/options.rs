@@ -287,7 +287,6 @@ impl RenderOptions {
                     SamplerArg::Sequence => Sampler::Sequence,
                     SamplerArg::Random => Sampler::Random,
                 },
-                ..default.photons
             },
             gather: Gather {
                 method: method.unwrap_or(default.gather.method),

@@ -13,8 +13,9 @@ use crate::film::{SaveOptions, check_distinct, check_output};
 use crate::pipeline::change::Stage;
 use crate::pipeline::progressive;
 use crate::pipeline::{Devices, Pipeline, Times};
-use crate::settings::{Backend, GridForm, LightMode, Method, Technique};
+use crate::settings::{Backend, GridForm, LightMode, Method};
 use crate::stage::map::MapCounts;
+use crate::techniques;
 
 /// Render a scene to a PNG or EXR file
 #[derive(clap::Args)]
@@ -170,10 +171,7 @@ pub fn run(args: &Args) -> Result<()> {
             memory_most_opencl_bytes: pipeline.most_bytes(),
             output: output.display().to_string(),
             passes: picture.passes,
-            technique: match settings.technique {
-                Technique::Map => "map",
-                Technique::FinalGather(_) => "final-gather",
-            },
+            technique: techniques::asked(&settings).name,
             render_seconds: picture.seconds,
             error,
             interrupted: matches!(picture.unfinished, Some(Unfinished::Interrupted)),
