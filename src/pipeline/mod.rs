@@ -14,6 +14,7 @@ use crate::device::cl;
 use crate::device::gl::{self, Headless};
 use crate::error::{Error, Result};
 use crate::film::Image;
+use crate::packing::Packed;
 use crate::pipeline::change::{Change, Stage, is_stale};
 use crate::plan::cells::{CellSize, Form};
 use crate::plan::choice::{self, Class, Question};
@@ -25,7 +26,6 @@ use crate::program::gathering::Gathering;
 use crate::rays::emission::Emission;
 use crate::rays::scene::SceneTables;
 use crate::records::Frame;
-use crate::records::packing::Packed;
 use crate::scene::Scene;
 use crate::settings::{
     Amount, Backend, FinalGather, Gather, GridForm, Lattice, LightMode, Method, Settings, Technique,
@@ -296,7 +296,7 @@ impl Pipeline {
         let stale = |stage| is_stale(stage, change);
         // Without lights or objects, or with direct light only, there is nothing to store.
         let wants_photons =
-            settings.light != LightMode::Direct && !scene.lights.is_empty() && features.spheres | features.planes;
+            settings.light != LightMode::Direct && !scene.lights.is_empty() && !features.shapes.is_empty();
         if let Amount::Stored(wanted) = settings.photons.amount {
             if settings.light != LightMode::Direct && !wants_photons {
                 return Err(fruitless(wanted, 0, 0));
@@ -563,7 +563,7 @@ impl Pipeline {
             .and(Change::CAMERA.when(last.stopped))
             .and(Change::LIGHTS.when(before.lights != scene.lights))
             .and(Change::MATERIALS.when(before.materials != scene.materials))
-            .and(Change::GEOMETRY.when(before.spheres != scene.spheres || before.planes != scene.planes))
+            .and(Change::GEOMETRY.when(before.shapes != scene.shapes))
             .and(Change::PHOTONS.when(emitted(was) != emitted(settings)))
             .and(Change::GATHER.when(was.gather != settings.gather))
             // Another technique has tables of its own; another pass of the same one has another lattice.

@@ -4,12 +4,12 @@
 use std::rc::Rc;
 
 use crate::error::{Error, Result};
+use crate::packing::Packed;
 use crate::pipeline::emission;
 use crate::plan::photon_sample::Sample;
 use crate::plan::radius;
 use crate::program::features::Features;
 use crate::rays::scene::SceneTables;
-use crate::records::packing::Packed;
 use crate::scene::Scene;
 use crate::settings::{Amount, LightMode, Photons, Settings};
 use crate::stage::map::{MapCounts, MapStage};
@@ -43,8 +43,7 @@ pub struct Beginning {
 
 /// Whether a picture has photons at all.
 pub fn wants_photons(scene: &Scene, settings: &Settings) -> bool {
-    let shapes = scene.spheres.len() + scene.planes.len();
-    settings.light != LightMode::Direct && !scene.lights.is_empty() && shapes > 0
+    settings.light != LightMode::Direct && !scene.lights.is_empty() && !scene.shapes.is_empty()
 }
 
 impl Beginning {
@@ -161,6 +160,7 @@ fn round(paths: f64) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lights::Lights;
     use crate::scene;
 
     fn shipped(name: &str) -> Scene {
@@ -210,7 +210,7 @@ mod tests {
         let direct = Settings { light: LightMode::Direct, ..Settings::default() };
         assert_eq!(choose(&shipped("gi_ref"), &direct).unwrap(), None);
         let mut dark = shipped("gi_ref");
-        dark.lights.clear();
+        dark.lights = Lights::default();
         assert_eq!(choose(&dark, &Settings::default()).unwrap(), None);
     }
 }

@@ -277,9 +277,9 @@ pub fn channels(estimate: &Estimate) -> Vec<Channel> {
 
 /// Of all that decides a pass's pixels.
 fn fingerprint(scene: &Scene, settings: &Settings) -> u64 {
-    let Scene { name: _, camera, materials, lights, spheres, planes, render: _ } = scene;
+    let Scene { name: _, camera, materials, lights, shapes, render: _ } = scene;
     // Debug prints every float in full, and any change of a type's fields changes it too.
-    fnv1a(format!("passes {camera:?}{materials:?}{lights:?}{spheres:?}{planes:?}{settings:?}").as_bytes())
+    fnv1a(format!("passes {camera:?}{materials:?}{lights:?}{shapes:?}{settings:?}").as_bytes())
 }
 
 #[cfg(test)]

@@ -7,7 +7,6 @@
 
 pub mod face;
 mod final_gather;
-pub mod packing;
 mod photons;
 mod prelude;
 mod record;

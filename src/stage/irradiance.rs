@@ -9,11 +9,11 @@ use crate::cpu;
 use crate::cpu::photons::stream_of;
 use crate::device::cl::{Arg, Buffer, Context, Kernel};
 use crate::error::{Error, Result};
+use crate::packing::Packed;
 use crate::plan::charts::Charts;
 use crate::program::features::Features;
 use crate::program::source::{Options, assemble};
 use crate::rays::emission::{Amount, Emission, Plan, Quanta};
-use crate::records::packing::Packed;
 use crate::records::{Chart, Texel};
 
 /// Makes irradiance texels on one machine and holds the last ones.

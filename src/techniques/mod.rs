@@ -1,9 +1,9 @@
 //! Which technique makes radiance of a pass's photons, and with which settings, where the user leaves it open.
 
 use crate::error::{Error, Result};
+use crate::packing::Packed;
 use crate::program::features::Features;
 use crate::rays::emission::{Amount, is_closed};
-use crate::records::packing::Packed;
 use crate::scene::Scene;
 use crate::settings::{FinalGather, LightMode, Settings, Technique};
 

@@ -275,7 +275,7 @@ fn camera(ui: &mut Ui, state: &mut State) {
 }
 
 fn lights(ui: &mut Ui, state: &mut State) {
-    for (i, light) in state.scene.lights.iter_mut().enumerate() {
+    for (i, light) in state.scene.lights.points.iter_mut().enumerate() {
         ui.label(format!("light {}", i + 1));
         vector(ui, "position", &mut light.position, 0.02);
         let strongest = light.intensity.max_element().max(1e-3);

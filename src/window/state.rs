@@ -267,8 +267,8 @@ fn next_markers(now: markers::Wanted) -> markers::Wanted {
 fn size_of(scene: &Scene) -> f64 {
     let eye = scene.camera.position;
     let to_target = (scene.camera.look_at - eye).length();
-    let farthest = scene.spheres.iter().map(|s| (s.center - eye).length() + s.radius);
-    let farthest = farthest.chain(scene.lights.iter().map(|l| (l.position - eye).length())).fold(0.0, f64::max);
+    let farthest = scene.shapes.iter().filter_map(|s| s.bounds()).map(|(center, radius)| center.distance(eye) + radius);
+    let farthest = farthest.chain(scene.lights.iter().map(|l| l.origin().distance(eye))).fold(0.0, f64::max);
     farthest.max(to_target)
 }
 

@@ -6,6 +6,8 @@ use photile::cpu::grid::{GridTables, face_of};
 use photile::cpu::tiles::{find_region, slopes, tile_at, tiles, tiles_seen};
 use photile::device::gl::{Current, Headless};
 use photile::film::Image;
+use photile::kinds::{ShapeKind, ShapeSet};
+use photile::packing::Packed;
 use photile::pipeline::change::Stage;
 use photile::pipeline::{Machine, Pipeline};
 use photile::plan::choice::Class;
@@ -15,7 +17,6 @@ use photile::program::gathering::{Gathering, Method};
 use photile::rays::camera::sample_direction;
 use photile::rays::scene::SceneTables;
 use photile::records::Frame;
-use photile::records::packing::Packed;
 use photile::scene::{Scene, load};
 use photile::settings::{Amount, Backend, Gather, Settings};
 use photile::stage::tiles::TileStage;
@@ -25,11 +26,9 @@ use super::{
 };
 
 pub const FEATURES: Features = Features {
-    spheres: true,
-    planes: true,
+    shapes: ShapeSet::of(ShapeKind::Sphere).and(ShapeSet::of(ShapeKind::Plane)),
     lights: Lights::None,
-    sphere_shadows: false,
-    plane_shadows: false,
+    shadows: ShapeSet::NONE,
     two_sided: true,
     glossy: true,
     ambient: false,

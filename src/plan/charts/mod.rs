@@ -10,7 +10,7 @@ use glam::{DVec2, DVec3};
 
 pub use window::Window;
 
-use crate::records::packing::Packed;
+use crate::packing::Packed;
 use crate::records::{Chart, Light, PLANE};
 
 /// Fewest and most columns of a chart.

@@ -7,8 +7,8 @@
 use glam::DVec3;
 
 use super::vector;
+use crate::packing::Packed;
 use crate::records::PLANE;
-use crate::records::packing::Packed;
 
 /// Half-width of a window as a share of the distance to the next surface. Measured: see the README.
 const SHARE: f64 = 0.2;

@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 use glam::DVec3;
 
 use super::{CELLS, COLUMNS_LOG2, ROWS_LOG2};
-use crate::records::packing::Packed;
+use crate::packing::Packed;
 use crate::records::{PLANE, Shape};
 
 /// Directions from a light in which it can hit an object: those within an angle of an axis.

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 use glam::{DVec3, Vec3};
 
 use crate::error::{Error, Result};
-use crate::records::packing::Packed;
+use crate::packing::Packed;
 use crate::records::{Emitter, Light, PLANE, Shape};
 pub use crate::settings::{Amount, Sampler};
 

@@ -14,10 +14,10 @@ use super::irradiance::IrradianceView;
 use super::map::MapView;
 use crate::error::{Error, Result};
 use crate::film::Image;
+use crate::packing::Packed;
 use crate::plan::site_lattice::FinalPass;
 use crate::program::features::Features;
 use crate::program::gathering::Gathering;
-use crate::records::packing::Packed;
 use crate::records::{Frame, MAX_EXACT_INDEX};
 
 /// What is compiled for a picture: the scene's features and, with photons, how they are gathered.
