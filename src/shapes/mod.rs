@@ -177,6 +177,13 @@ macro_rules! shapes {
             )*
         }
 
+        /// The surface that a record tells of, in scene space.
+        pub fn sheet_of(record: &records::Shape) -> Sheet {
+            match ShapeKind::of(record.kind) {
+                $(ShapeKind::$kind => $kind::unpacked(record).sheet(),)*
+            }
+        }
+
         impl Shapes {
             /// The scene file's keys.
             pub const KEYS: &[&str] = &[$(stringify!($list),)*];
@@ -263,5 +270,103 @@ impl Shapes {
     /// Whether there is none.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Some of every kind, none at the origin.
+    fn shapes() -> Shapes {
+        let scenes = ["gi_ref", "color_bleeding", "many_spheres"];
+        let mut all = Shapes::default();
+        for name in scenes {
+            let scene = crate::scene::load(std::path::Path::new(&format!("scenes/{name}.toml"))).expect("ours");
+            all.spheres.extend(scene.shapes.spheres.into_iter().take(10));
+            all.planes.extend(scene.shapes.planes);
+        }
+        all.place(1.5, DVec3::new(20.0, -7.0, 9.0));
+        assert!(all.kinds().iter().all(|kind| kind.count() > 2));
+        all
+    }
+
+    /// Directions all around.
+    fn directions() -> impl Iterator<Item = DVec3> {
+        (0..500).map(|i| {
+            let (height, turn) = (1.0 - (2.0 * f64::from(i) + 1.0) / 500.0, f64::from(i) * 2.399_963);
+            let radius = (1.0 - height * height).sqrt();
+            DVec3::new(radius * turn.cos(), height, radius * turn.sin())
+        })
+    }
+
+    #[test]
+    fn what_is_hit_lies_on_its_sheet_and_within_its_bounds_and_cap() {
+        let origin = DVec3::new(21.0, -6.0, 8.5);
+        for (number, shape) in shapes().iter().enumerate() {
+            let mut hits = 0;
+            for direction in directions() {
+                let Some(distance) = shape.distance(origin, direction, false) else { continue };
+                hits += 1;
+                let point = origin + direction * distance;
+                let size = point.length() + shape.sheet().curvature_radius().min(1e6);
+                assert!(shape.sheet().height(point).abs() < 1e-9 * size, "shape {number}: {point}");
+                if let Some((center, radius)) = shape.bounds() {
+                    assert!(point.distance(center) < radius * (1.0 + 1e-9), "shape {number}: {point}");
+                }
+                let is_in = |cap: Cap| direction.dot(cap.axis) > cap.cosine;
+                assert!(shape.cap(origin).is_none_or(is_in), "shape {number}: {direction}");
+                // Away from where it starts on the shape, a ray does not meet it again.
+                let outwards = shape.sheet().normal(point);
+                assert!(shape.distance(point, outwards, true).is_none(), "shape {number}: {point}");
+            }
+            assert!(hits > 0 || shape.bounds().is_some(), "shape {number} is met nowhere");
+        }
+    }
+
+    #[test]
+    fn records_tell_what_the_shape_was() {
+        let (shapes, origin) = (shapes(), DVec3::new(20.0, -7.0, 9.0));
+        let records: Vec<_> = shapes.iter().map(|shape| shape.pack(origin, 1.0)).collect();
+        let unpacked = Shapes::unpacked(&records);
+        assert_eq!(unpacked.len(), shapes.len());
+        for (number, (there, here)) in shapes.iter().zip(unpacked.iter()).enumerate() {
+            assert_eq!(there.material(), here.material());
+            assert_eq!(here.sheet(), sheet_of(&records[number]), "shape {number}");
+            for p in directions() {
+                let (there, here) = (there.sheet().height(p + origin), here.sheet().height(p));
+                assert!((there - here).abs() < 1e-6 * (1.0 + there.abs()), "shape {number}: {there} {here}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_record_faces_the_light_that_it_was_packed_for() {
+        for light in [DVec3::new(20.0, -7.0, 9.0), DVec3::splat(1e3), DVec3::splat(-1e3)] {
+            for (number, shape) in shapes().iter().enumerate() {
+                let sheet = sheet_of(&shape.pack(light, shape.facing(light)));
+                let turned = shape.facing(light) < 0.0;
+                // What has an inside keeps its normal; all else shows its front.
+                let (before, after) = (shape.sheet().height(light), sheet.height(DVec3::ZERO));
+                let expected = if turned { -before } else { before };
+                assert!((after - expected).abs() < 1e-3 * (1.0 + before.abs()), "shape {number}: {before} {after}");
+                assert!(shape.bounds().is_some() || after >= 0.0, "shape {number} shows its back");
+            }
+        }
+    }
+
+    #[test]
+    fn the_two_sides_of_a_sheet_are_told_apart_but_for_rounding() {
+        let near = DVec3::new(20.0, -7.0, 9.0);
+        for (number, shape) in shapes().iter().enumerate() {
+            let sheet = shape.sheet();
+            let Some(direction) = directions().find(|d| shape.distance(near, *d, false).is_some()) else { continue };
+            let point = near + direction * shape.distance(near, direction, false).expect("just found");
+            let normal = sheet.normal(point);
+            let off = |by: f64| point + normal * by * (1.0 + point.distance(near));
+            assert_eq!(sheet.side(point, near), 0.0, "shape {number}");
+            assert_eq!([1e-2, -1e-2].map(|by| sheet.side(off(by), near)), [1.0, -1.0], "shape {number}");
+            assert!(sheet.is_lit(off(1e-2), true) && !sheet.is_lit(off(1e-2), false), "shape {number}");
+        }
     }
 }

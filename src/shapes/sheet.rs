@@ -60,4 +60,33 @@ impl Sheet {
             Sheet::Round { radius, .. } => radius,
         }
     }
+
+    /// Whether light from `p` comes to the side that the normal points to, or to the other one. Light on the surface
+    /// itself shines to both.
+    pub fn is_lit(&self, p: DVec3, front: bool) -> bool {
+        let side = if front { 1.0 } else { -1.0 };
+        match *self {
+            Sheet::Flat { .. } => side * self.height(p) >= 0.0,
+            Sheet::Round { center, radius } => side * (p.distance(center) / radius - 1.0) > -1e-6,
+        }
+    }
+
+    /// Whether a point is within a closed surface.
+    pub fn holds(&self, p: DVec3) -> bool {
+        match *self {
+            Sheet::Flat { .. } => false,
+            Sheet::Round { center, radius } => p.distance_squared(center) < radius * radius,
+        }
+    }
+
+    /// Whether it lies across x, as far as it lies across any axis.
+    pub fn is_across_x(&self) -> bool {
+        match *self {
+            Sheet::Flat { normal, .. } => {
+                let [x, y, z] = normal.abs().to_array();
+                x > y.max(z)
+            }
+            Sheet::Round { .. } => false,
+        }
+    }
 }

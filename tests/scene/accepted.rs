@@ -88,6 +88,7 @@ fn extremes_that_are_legal() {
         accepts(&GOOD.replace(from, to))
     };
     assert_eq!(with("10, 20, 30", "1e30, 1e-30, 0").lights.points[0].intensity, dvec3(1e30, 1e-30, 0.0));
+    assert_eq!(with("[[lights]]\n", "[[lights]]\nkind = \"point\"\n").lights, accepts(GOOD).lights);
     assert_eq!(with("53.13", "0.01").camera.fov_y, 0.01);
     assert_eq!(with("53.13", "179.9").camera.fov_y, 179.9);
     assert_eq!(with("radius = 1.0", "radius = 1e15").shapes.spheres[0].radius, 1e15);
