@@ -8,18 +8,18 @@ use super::gather::emit;
 use super::saved;
 use super::table::{Table, Value};
 use super::timing::{Samples, median};
-use super::{MachineInfo, Measured, Options, Progress, Report, Steps, Suite};
+use super::{MachineInfo, Measured, Options, Progress, Report, Steps, Suite, or_end};
 use crate::cpu::grid::face_of;
 use crate::error::{Error, Result};
+use crate::packing::Packed;
 use crate::pipeline::{Pipeline, Rendering};
 use crate::plan::choice::{self, Class, Estimate, Question, TERMS, Taken};
 use crate::plan::photon_sample::Sample;
 use crate::plan::radius;
 use crate::program::features::Features;
 use crate::rays::scene::SceneTables;
-use crate::records::packing::Packed;
 use crate::scene::Scene;
-use crate::settings::{Amount, Gather, LightMode, Settings};
+use crate::settings::{Amount, Gather, LightMode, Pass, Settings};
 
 /// What a choice may cost beyond the best one to be a good one.
 const GOOD: f64 = 1.15;
@@ -121,7 +121,7 @@ pub fn run(options: &Options, machine: &MachineInfo, progress: &mut dyn FnMut(Pr
     };
     let count = plan.sizes.len() * plan.stored.len() * plan.radii.len();
     let mut steps = Steps::new(progress, options.backends.len() * options.scenes.len() * count);
-    let mut judged = Judged::new();
+    let (mut judged, mut ended) = (Judged::new(), None);
     for backend in &options.backends {
         let mut pipeline = match Pipeline::open(&options.machine(Some(*backend)), |line| steps.notice(line)) {
             Ok(pipeline) => pipeline,
@@ -145,12 +145,17 @@ pub fn run(options: &Options, machine: &MachineInfo, progress: &mut dyn FnMut(Pr
             }
             let (radius, estimates, choosing) = ask(&setting)?;
             if !rows.iter().any(|row| setting.is_of(row)) {
-                rows.extend(measure(&mut pipeline, &setting, radius, &estimates, plan.rounds)?);
+                let measured = measure(&mut pipeline, &setting, radius, &estimates, plan.rounds);
+                match or_end(measured, !rows.is_empty(), &mut ended)? {
+                    Some(measured) => rows.extend(measured),
+                    None => break,
+                }
                 if let Some(directory) = &options.directory {
                     let (settings, machine) = (saved::settings(&plan)?, machine.clone());
                     let rows = saved::table(&rows, &COLUMNS)?;
                     let (summaries, charts) = Default::default();
-                    Report { suite: Suite::Choice, machine, settings, rows, summaries, charts }.write_to(directory)?;
+                    Report { suite: Suite::Choice, machine, settings, rows, summaries, charts, ended: None }
+                        .write_to(directory)?;
                 }
             }
             answers.push((setting, estimates, choosing));
@@ -163,7 +168,7 @@ pub fn run(options: &Options, machine: &MachineInfo, progress: &mut dyn FnMut(Pr
     let Judged { verdicts, costs, shares } = judged;
     let rows = saved::table(&rows, &COLUMNS)?;
     let summaries = vec![verdicts, costs, shares];
-    Ok(Measured { settings: saved::settings(&plan)?, rows, summaries, charts: Vec::new() })
+    Ok(Measured { settings: saved::settings(&plan)?, rows, summaries, charts: Vec::new(), ended })
 }
 
 fn settings_of<'a>(options: &'a Options, plan: &'a Plan, class: Class) -> impl Iterator<Item = Setting<'a>> {
@@ -181,7 +186,7 @@ fn ask(setting: &Setting) -> Result<(f32, Vec<Estimate>, f64)> {
     let features = Features::of(setting.scene, &settings);
     let packed = Packed::new(setting.scene, setting.scene.camera.position);
     let tables = SceneTables::new(&packed, &features);
-    let frame = packed.frame(&setting.scene.camera, &settings);
+    let frame = packed.frame(&setting.scene.camera, &settings, &Pass::single(&settings));
     // A map's beginning is the same whatever its length.
     let map = emit(&tables, &packed, setting.stored.min(radius::SAMPLE as u32), true)?;
     let faces = map.surfaces.iter().map(|surface| face_of(surface) as u32).collect();
@@ -230,8 +235,9 @@ fn measure(
                 if again > 0 && (ms > LONG || ms.is_nan()) {
                     break;
                 }
-                settings.photons.pass = 2 * (round * estimates.len() as u32 + number as u32) + again;
-                ms = match pipeline.render(setting.scene, &settings) {
+                let index = 2 * (round * estimates.len() as u32 + number as u32) + again;
+                let pass = Pass { index, ..Pass::single(&settings) };
+                ms = match pipeline.render_pass(setting.scene, &settings, &pass) {
                     Ok(Rendering { times, .. }) => times.grid + times.tiles + times.upload + times.trace,
                     // Lists that are too long for floats cannot be chosen, and are not.
                     Err(Error::Usage(_)) => f64::NAN,

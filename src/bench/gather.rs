@@ -8,6 +8,7 @@ use crate::cpu;
 use crate::cpu::gather::{PhotonMap, for_each_candidate, for_each_listed, near};
 use crate::cpu::photons::{PhotonTables, photons};
 use crate::error::{Error, Result};
+use crate::packing::Packed;
 use crate::plan::cells::{self, CELLS_PER_RADIUS, CELLS_PER_RADIUS_ALONE, CellSize, Form};
 use crate::plan::choice;
 use crate::plan::photon_sample::Sample;
@@ -20,9 +21,8 @@ use crate::rays::emission::{self, Emission};
 use crate::rays::scene::SceneTables;
 use crate::records::Frame;
 use crate::records::face::faces_of;
-use crate::records::packing::Packed;
 use crate::scene::Scene;
-use crate::settings::{Amount, Method, Sampler, Settings};
+use crate::settings::{Amount, Method, Pass, Sampler, Settings};
 
 /// Cells along a radius, the same along rows as across them; and what backends take whose queries walk together or alone.
 const CELLS: [CellSize; 6] = [
@@ -85,7 +85,7 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Meas
         let features = Features::of(scene, &settings);
         let packed = Packed::new(scene, scene.camera.position);
         let tables = SceneTables::new(&packed, &features);
-        let frame = packed.frame(&scene.camera, &settings);
+        let frame = packed.frame(&scene.camera, &settings, &Pass::single(&settings));
         for stored in &plan.stored {
             let map = emit(&tables, &packed, *stored, false)?;
             let count = map.len().min(radius::SAMPLE);
@@ -93,6 +93,9 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Meas
             let sample = Sample { positions: map.positions[..count].to_vec(), faces };
             let chosen = radius::choose(&tables, &frame, &sample, map.len() as u64);
             for (is_auto, radius) in [(true, chosen)].into_iter().chain(plan.radii.iter().map(|r| (false, *r))) {
+                if options.is_stopped() {
+                    break;
+                }
                 steps.begin(&format!("{}: {stored} photons, R={radius:.3}", scene.name));
                 let mut add = |method: Method, place: [Value; 5], found: Found| {
                     let mean = |sum: u64| sum as f64 / found.queries as f64;
@@ -130,7 +133,7 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Meas
         }
     }
     let settings = serde_json::to_value(&plan).map_err(|e| Error::Failed(format!("JSON: {e}")))?;
-    Ok(Measured { settings, rows, summaries: Vec::new(), charts: Vec::new() })
+    Ok(Measured { settings, rows, summaries: Vec::new(), charts: Vec::new(), ended: None })
 }
 
 /// A map of so many photons, with those that come straight from lights or without.

@@ -5,21 +5,23 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::options::RenderOptions;
-use super::print_json;
+use super::{output, print_json};
 use crate::device::memory;
 use crate::error::{Error, Result};
+use crate::packing::Packed;
+use crate::packing::packed_scene::PackedScene;
 use crate::pipeline::class_of;
-use crate::pipeline::path_count::{Beginning, wants_photons};
+use crate::pipeline::path_count::Beginning;
 use crate::plan::choice::{self, Class, Estimate, Question};
 use crate::plan::radius;
 use crate::program::features::{Features, Reason};
 use crate::program::source::{Options, assemble, units};
 use crate::rays::emission::Plan;
 use crate::rays::scene::SceneTables;
-use crate::records::packing::Packed;
 use crate::records::{Frame, Light, Material, Record, Shape, TEXEL, TEXTURE_WIDTH_LOG2, TextureShape};
 use crate::scene::Scene;
-use crate::settings::{Amount, Backend, LightMode, Settings};
+use crate::settings::{Amount, Backend, LightMode, Pass, Settings};
+use crate::techniques::wants_photons;
 
 /// Show which stages and features a scene needs, what is skipped and why
 #[derive(clap::Args)]
@@ -97,14 +99,15 @@ fn gathering(
     scene: &Scene,
     settings: &Settings,
     features: &Features,
-    packed: &Packed,
+    packed: &PackedScene,
 ) -> Result<Option<Gathering>> {
     if !wants_photons(scene, settings) {
         return Ok(None);
     }
     let beginning = Beginning::new(scene, settings, packed, features, PATHS)?;
     let stored = beginning.stored(settings.photons.amount);
-    let (tables, frame) = (SceneTables::new(packed, features), packed.frame(&scene.camera, settings));
+    let (tables, frame) =
+        (SceneTables::new(packed, features), packed.frame(&scene.camera, settings, &Pass::single(settings)));
     let radius = settings.gather.radius.unwrap_or_else(|| radius::choose(&tables, &frame, &beginning.sample, stored));
     let weigh = |class| {
         let question = Question { stored, radius, tile: settings.gather.tile, class };
@@ -138,7 +141,7 @@ fn aimed(packed: &Packed, settings: &Settings) -> Result<String> {
 
 /// Which stages a first picture runs, in the pipeline's order.
 fn stages(scene: &Scene, settings: &Settings, chosen: Option<String>, aimed: String) -> Vec<Reason> {
-    let shapes = scene.spheres.len() + scene.planes.len();
+    let shapes = scene.shapes.len();
     let no_photons = match (settings.light, scene.lights.len(), shapes) {
         (LightMode::Direct, ..) => Some("direct light only"),
         (_, 0, _) => Some("no lights"),
@@ -151,18 +154,18 @@ fn stages(scene: &Scene, settings: &Settings, chosen: Option<String>, aimed: Str
         Amount::Paths(paths) => format!("{paths} paths, {mode} stored"),
         Amount::Stored(photons) => format!("{photons} photons, {mode} stored"),
     };
-    let of_photons = |stage, why: &str| Reason {
-        feature: stage,
+    let of_photons = |stage: &str, why: &str| Reason {
+        feature: stage.into(),
         used: no_photons.is_none(),
         why: no_photons.unwrap_or(why).to_string(),
     };
-    let always = |stage, why: String| Reason { feature: stage, used: true, why };
+    let always = |stage: &str, why: String| Reason { feature: stage.into(), used: true, why };
     vec![
         always("compile", "trace.frag in OpenGL, trace.cl in OpenCL, for the features below".into()),
         always("upload", format!("{shapes} objects, {} lights", scene.lights.len())),
         of_photons("photons", &amount),
         Reason {
-            feature: "emission map",
+            feature: "emission map".into(),
             used: no_photons.is_none() && !aimed.is_empty(),
             why: match no_photons {
                 Some(why) => why.into(),
@@ -188,10 +191,10 @@ pub fn run(args: &Args) -> Result<()> {
         if ![1, 4, 8, 16].contains(&args.lanes) {
             return Err(Error::Usage(format!("found --lanes {}, expected 1, 4, 8 or 16", args.lanes)));
         }
-        print!("{}", assemble(unit, Some(&features), &Options { lanes: args.lanes, ..Options::default() }).text);
+        output::print(assemble(unit, Some(&features), &Options { lanes: args.lanes, ..Options::default() }).text);
         return Ok(());
     }
-    let packed = Packed::new(&scene, scene.camera.position);
+    let packed = PackedScene::new(Packed::new(&scene, scene.camera.position));
     let uploads = vec![
         table::<Frame>(1),
         table::<Shape>(packed.shapes.len()),
@@ -218,34 +221,35 @@ pub fn run(args: &Args) -> Result<()> {
         print_json(&report);
         return Ok(());
     }
-    println!("scene {}: {}", report.scene, report.permutation.join(" "));
+    say!("scene {}: {}", report.scene, report.permutation.join(" "));
     for reason in report.stages.iter().chain(&report.features) {
-        println!("  {} {:<20} {}", if reason.used { "used   " } else { "skipped" }, reason.feature, reason.why);
+        say!("  {} {:<20} {}", if reason.used { "used   " } else { "skipped" }, reason.feature, reason.why);
     }
-    println!("uploads");
+    say!("uploads");
     for Table { table, records, texels, texture, bytes } in &report.uploads {
-        println!(
+        say!(
             "  {table:<8} {records:>8} records {texels:>8} texels {bytes:>10} bytes, texture {} × {}",
-            texture[0], texture[1]
+            texture[0],
+            texture[1]
         );
     }
-    println!("  {} bytes in all", report.bytes);
+    say!("  {} bytes in all", report.bytes);
     let Some(gather) = &report.gather else {
-        println!("gather: skipped, no photons");
+        say!("gather: skipped, no photons");
         return Ok(());
     };
     if let Some(memory) = &report.memory {
         let megabytes = |bytes: usize| bytes as f64 / 1e6;
-        println!(
+        say!(
             "memory: {} photons take at most {:.1} MB in OpenCL, sorting included, and {:.1} MB in OpenGL's textures",
             memory.photons,
             megabytes(memory.opencl_bytes),
             megabytes(memory.opengl_bytes)
         );
     }
-    println!("gather {} photons with R = {:.4} m", gather.stored, gather.radius);
+    say!("gather {} photons with R = {:.4} m", gather.stored, gather.radius);
     let here: Vec<_> = gather.here.iter().map(|(backend, class)| format!("{backend} is {class}")).collect();
-    println!("  here {}", here.join(", "));
+    say!("  here {}", here.join(", "));
     for (class, estimates) in [
         (Class::OpenGlGpu, &gather.opengl),
         (Class::OpenGlSoftware, &gather.opengl_software),
@@ -262,7 +266,7 @@ pub fn run(args: &Args) -> Result<()> {
             }
             let size = tile.map(|[w, h]| format!(" {w}x{h}")).unwrap_or_default();
             let (dearest, share) = estimate.dearest(class);
-            println!(
+            say!(
                 "  {} {:<15} {:<17} {candidates:>9.1} candidates a pixel, {entries:>10.0} entries, {:>6.2} x the cost, \
                  {:.0}% {dearest}",
                 if rank == 0 { "used   " } else { "skipped" },

@@ -7,11 +7,11 @@
 
 pub mod face;
 mod final_gather;
-pub mod packing;
 mod photons;
 mod prelude;
 mod record;
 mod scene;
+pub mod table_sets;
 mod tables;
 mod texture_shape;
 

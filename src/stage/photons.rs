@@ -11,10 +11,10 @@ use super::walks::Walks;
 use crate::cpu::photons::{fruitless, stream_of};
 use crate::device::cl::Context;
 use crate::error::{Error, Result};
+use crate::packing::Packed;
 use crate::program::features::Features;
 use crate::program::source::{Options, assemble};
 use crate::rays::emission::{Amount, Emission, Plan, Sampler};
-use crate::records::packing::Packed;
 
 /// The kernels of one permutation.
 struct Kernels {
@@ -25,9 +25,9 @@ struct Kernels {
 /// How photons come into the map.
 enum Storing {
     /// By a second walk, as on GPUs.
-    Counted(Counter),
+    Counted(Box<Counter>),
     /// From records of the only walk, as on CPUs.
-    Recorded(Recorder),
+    Recorded(Box<Recorder>),
 }
 
 /// The photon stage on a device.
@@ -82,9 +82,9 @@ impl Photons {
         let options = Options { lanes: context.device.lanes, defines, ..Options::default() };
         let source = assemble("photons.cl", Some(features), &options);
         let storing = if is_counted {
-            Storing::Counted(Counter::new(context, glossy, &source)?)
+            Storing::Counted(Box::new(Counter::new(context, glossy, &source)?))
         } else {
-            Storing::Recorded(Recorder::new(context, glossy, &source)?)
+            Storing::Recorded(Box::new(Recorder::new(context, glossy, &source)?))
         };
         self.kernels = Some(Kernels { made_for, storing });
         Ok(())

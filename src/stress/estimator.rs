@@ -17,13 +17,15 @@ use crate::cpu::grid::PhotonSurface;
 use crate::cpu::photons::PhotonTables;
 use crate::device::cl::Buffer;
 use crate::error::Result;
+use crate::kinds::{ShapeKind, ShapeSet};
+use crate::packing::Packed;
+use crate::packing::packed_scene::PackedScene;
 use crate::plan::cells::{CellSize, Form, plan};
 use crate::program::features::{Features, Lights};
 use crate::program::gathering::Gathering;
 use crate::rays::camera::camera_direction;
 use crate::rays::random::{hash2_u, unit_real};
 use crate::rays::scene::SceneTables;
-use crate::records::packing::Packed;
 use crate::records::{Frame, Material, PLANE, PhotonPosition, PhotonPower, Shape};
 use crate::settings::Backend;
 use crate::stage::grid::{GridStage, Wanted};
@@ -60,11 +62,9 @@ fn floor() -> Packed {
 
 fn features() -> Features {
     Features {
-        spheres: false,
-        planes: true,
+        shapes: ShapeSet::of(ShapeKind::Plane),
         lights: Lights::None,
-        sphere_shadows: false,
-        plane_shadows: false,
+        shadows: ShapeSet::NONE,
         two_sided: true,
         glossy: false,
         ambient: false,
@@ -197,12 +197,12 @@ fn exact(case: &Case) -> Vec<(f64, f64)> {
 pub(super) fn run(bench: &mut Bench) -> Result<Found> {
     let mut found = Found::default();
     let mut curves: Vec<Curve> = Vec::new();
-    bench.step("estimator: photon maps");
+    bench.step("estimator: photon maps")?;
     for case in cases(bench) {
-        bench.step(&format!("estimator: {} in double precision", case.name));
+        bench.step(&format!("estimator: {} in double precision", case.name))?;
         let expected = bench.pool.clone().install(|| exact(&case));
         for backend in bench.backends() {
-            bench.step(&format!("estimator: {}, {}", case.name, backend.name()));
+            bench.step(&format!("estimator: {}, {}", case.name, backend.name()))?;
             let image = gathered(bench, backend, &case)?;
             let errors: Vec<f64> = image
                 .iter()
@@ -302,7 +302,7 @@ fn picture(
     frame: &Frame,
 ) -> Result<Vec<[f32; 3]>> {
     tracer.compile(permutation)?;
-    tracer.upload(packed)?;
+    tracer.upload(&PackedScene::new(packed.clone()))?;
     tracer.upload_map(view, gathering)?;
     tracer.trace(frame, crate::stage::trace::Indirect::Map(view))?;
     Ok(tracer.read()?.pixels)

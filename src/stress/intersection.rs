@@ -12,13 +12,13 @@ use super::lab::{Answer, Task, features};
 use super::{Bench, Fault, Found, Row, Spread, Suite};
 use crate::bench::plot::{Chart, Curve, Look};
 use crate::error::Result;
+use crate::packing::Packed;
 use crate::program::features::Features;
 use crate::rays::random::{hash2_u, unit_real};
 use crate::rays::scene::{Hit, SceneTables};
 use crate::rays::shapes::plane::hit_plane;
 use crate::rays::shapes::sphere::hit_sphere;
 use crate::rays::shapes::{INFINITE, Sides};
-use crate::records::packing::Packed;
 use crate::records::{PLANE, SPHERE, Shape};
 use crate::settings::Backend;
 use rayon::prelude::*;
@@ -325,7 +325,7 @@ const FLIP: f64 = 4.0;
 
 pub(super) fn run(bench: &mut Bench) -> Result<Found> {
     let each = bench.options.by_size(4_000, 40_000, 400_000u32);
-    bench.step("intersection: cases in double precision");
+    bench.step("intersection: cases in double precision")?;
     let fault = bench.options.fault;
     let cases: Vec<Case> = bench.pool.install(|| {
         let classes = Class::ALL.into_par_iter();
@@ -346,7 +346,7 @@ pub(super) fn run(bench: &mut Bench) -> Result<Found> {
     let mut found = Found::default();
     let mut curves = Vec::new();
     for backend in bench.backends() {
-        bench.step(&format!("intersection: {}", backend.name()));
+        bench.step(&format!("intersection: {}", backend.name()))?;
         let answers = match backend {
             Backend::Cpu => by_twin(bench, &cases, fault),
             _ => {

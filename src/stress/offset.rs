@@ -30,17 +30,8 @@ pub(super) fn placed(scene: &Scene, scale: f64, by: DVec3) -> Scene {
     let place = |p: &mut DVec3| *p = *p * scale + by;
     place(&mut placed.camera.position);
     place(&mut placed.camera.look_at);
-    for light in &mut placed.lights {
-        place(&mut light.position);
-        light.intensity *= scale * scale;
-    }
-    for sphere in &mut placed.spheres {
-        place(&mut sphere.center);
-        sphere.radius *= scale;
-    }
-    for plane in &mut placed.planes {
-        plane.offset = plane.offset * scale + plane.normal.dot(by);
-    }
+    placed.lights.place(scale, by);
+    placed.shapes.place(scale, by);
     placed
 }
 
@@ -49,12 +40,12 @@ fn rounded(mut scene: Scene) -> Scene {
     let round = |p: &mut DVec3| *p = p.as_vec3().as_dvec3();
     round(&mut scene.camera.position);
     round(&mut scene.camera.look_at);
-    scene.lights.iter_mut().for_each(|light| round(&mut light.position));
-    for sphere in &mut scene.spheres {
+    scene.lights.points.iter_mut().for_each(|light| round(&mut light.position));
+    for sphere in &mut scene.shapes.spheres {
         round(&mut sphere.center);
         sphere.radius = f64::from(sphere.radius as f32);
     }
-    scene.planes.iter_mut().for_each(|plane| plane.offset = f64::from(plane.offset as f32));
+    scene.shapes.planes.iter_mut().for_each(|plane| plane.offset = f64::from(plane.offset as f32));
     scene
 }
 
@@ -78,13 +69,13 @@ pub(super) fn run(bench: &mut Bench) -> Result<Found> {
             settings.photons.amount = Amount::Paths(paths);
             settings.gather.method = Method::Grid;
             settings.gather.radius = Some(0.4);
-            bench.step(&format!("offset: {name}, {}", backend.name()));
+            bench.step(&format!("offset: {name}, {}", backend.name()))?;
             let here = pipeline.render(&scene, &settings)?.image;
             let other_seed = Settings { seed: 1, ..settings.clone() };
             // Two independent pictures differ by √2 of the error of one.
             let noise = rmse(&pipeline.render(&scene, &other_seed)?.image, &here)? / std::f64::consts::SQRT_2;
             for (place, scale, by) in PLACES.into_iter().take(places) {
-                bench.step(&format!("offset: {name} {place}, {}", backend.name()));
+                bench.step(&format!("offset: {name} {place}, {}", backend.name()))?;
                 let mut moved = placed(&scene, scale, by);
                 if bench.options.fault == Some(Fault::WorldCoordinates) {
                     moved = rounded(moved);

@@ -8,9 +8,9 @@ use super::lab::{Answer, Task};
 use super::{Bench, Fault, Found, Row, Spread, Suite};
 use crate::cpu::photons::stream_of;
 use crate::error::Result;
+use crate::packing::Packed;
 use crate::rays::random::{R4_STEPS, hash_u, hash2_u, owen_scramble, sequence_u, sobol_second, unit_real};
 use crate::rays::walk::{number_u, sample_sphere};
-use crate::records::packing::Packed;
 use crate::settings::Backend;
 
 /// What the twins make of two counters.
@@ -53,7 +53,7 @@ pub(super) fn run(bench: &mut Bench) -> Result<Found> {
     let packed =
         Packed { origin: DVec3::ZERO, shapes: Vec::new(), sphere_count: 0, lights: Vec::new(), materials: Vec::new() };
     for backend in bench.backends() {
-        bench.step(&format!("random: counters, {}", backend.name()));
+        bench.step(&format!("random: counters, {}", backend.name()))?;
         let answers = match backend {
             Backend::Cpu => bench.pool.install(|| counters.par_iter().map(|pair| twin(*pair, fault)).collect()),
             _ => {
@@ -87,7 +87,7 @@ pub(super) fn run(bench: &mut Bench) -> Result<Found> {
             found.rows.push(Row::new(Suite::Random, "counters at limits", backend, measure, spread, bound));
         }
     }
-    bench.step("random: statistics");
+    bench.step("random: statistics")?;
     found.rows.extend(statistics(bench));
     Ok(found)
 }

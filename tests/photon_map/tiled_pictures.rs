@@ -6,8 +6,9 @@ use photile::film::Image;
 use photile::pipeline::change::Stage;
 use photile::pipeline::{Machine, Pipeline};
 use photile::program::features::is_divided;
-use photile::scene::{Plane, Scene};
+use photile::scene::Scene;
 use photile::settings::{Amount, Backend, Gather, Method, Photons, Settings};
+use photile::shapes::Plane;
 use photile::stage::map::MapView;
 
 use super::tiles::{SAME, apart, scene, settings};
@@ -50,7 +51,7 @@ fn views(scene: &Scene) -> Vec<(&'static str, Scene, Option<f32>)> {
 
 /// Photons whose disc the camera is in.
 fn around_the_camera(pipeline: &Pipeline, scene: &Scene) -> usize {
-    let (map, packed) = pipeline.map().expect("there are photons");
+    let (map, packed, _) = pipeline.map().expect("there are photons");
     let MapView::Host { stored, .. } = map else { panic!("the twins' maps are in host memory") };
     let eye = (scene.camera.position - packed.origin).as_vec3();
     stored.positions.iter().filter(|photon| eye.distance(photon.position.into()) < WIDE).count()
@@ -94,8 +95,8 @@ fn glossy_surfaces_by_tiles_are_those_by_brute_force() {
 /// those beyond it on floor and ceiling light nothing on this side.
 fn divided() -> Scene {
     let mut scene = scene("gi_two_lights");
-    let (normal, material) = (DVec3::new(1.0, 0.0, 0.2), scene.planes[0].material);
-    scene.planes.push(Plane { normal: normal.normalize(), offset: -1.4 / normal.length(), material });
+    let (normal, material) = (DVec3::new(1.0, 0.0, 0.2), scene.shapes.planes[0].material);
+    scene.shapes.planes.push(Plane { normal: normal.normalize(), offset: -1.4 / normal.length(), material });
     scene
 }
 
