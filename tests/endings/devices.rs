@@ -169,7 +169,7 @@ fn devices_of_one_name_are_told_apart_by_number() {
     ends(&output, 0, &["photons by OpenCL on"]);
 }
 
-/// With a fault of the device on purpose; see `src/fault.rs`.
+/// With a fault of the device on purpose; see `src/device/injected_faults.rs`.
 fn faulty(fault: &str, folder: &Path, arguments: &[&str]) -> Output {
     photile(folder, arguments).env("PHOTILE_FAULT", fault).output().unwrap()
 }

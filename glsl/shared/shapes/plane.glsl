@@ -12,7 +12,7 @@ Real hit_plane(Vec3 origin, Vec3 direction, Vec3 normal, Real offset, Bool origi
     // A parallel ray gives ±infinity or NaN, both refused here.
     Bool hit = t > 0.0f && t < INFINITE && !origin_on;
 #else
-    // Normals point to where the lights are (packing.rs).
+    // Normals point to where the lights are (packing).
     Bool hit = slope < 0.0f && !origin_on;
     t = max(t, lanes(LEAST_DISTANCE));
 #endif
