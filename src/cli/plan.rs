@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::options::RenderOptions;
-use super::print_json;
+use super::{output, print_json};
 use crate::device::memory;
 use crate::error::{Error, Result};
 use crate::pipeline::class_of;
@@ -191,7 +191,7 @@ pub fn run(args: &Args) -> Result<()> {
         if ![1, 4, 8, 16].contains(&args.lanes) {
             return Err(Error::Usage(format!("found --lanes {}, expected 1, 4, 8 or 16", args.lanes)));
         }
-        print!("{}", assemble(unit, Some(&features), &Options { lanes: args.lanes, ..Options::default() }).text);
+        output::print(assemble(unit, Some(&features), &Options { lanes: args.lanes, ..Options::default() }).text);
         return Ok(());
     }
     let packed = PackedScene::new(Packed::new(&scene, scene.camera.position));
@@ -221,34 +221,35 @@ pub fn run(args: &Args) -> Result<()> {
         print_json(&report);
         return Ok(());
     }
-    println!("scene {}: {}", report.scene, report.permutation.join(" "));
+    say!("scene {}: {}", report.scene, report.permutation.join(" "));
     for reason in report.stages.iter().chain(&report.features) {
-        println!("  {} {:<20} {}", if reason.used { "used   " } else { "skipped" }, reason.feature, reason.why);
+        say!("  {} {:<20} {}", if reason.used { "used   " } else { "skipped" }, reason.feature, reason.why);
     }
-    println!("uploads");
+    say!("uploads");
     for Table { table, records, texels, texture, bytes } in &report.uploads {
-        println!(
+        say!(
             "  {table:<8} {records:>8} records {texels:>8} texels {bytes:>10} bytes, texture {} × {}",
-            texture[0], texture[1]
+            texture[0],
+            texture[1]
         );
     }
-    println!("  {} bytes in all", report.bytes);
+    say!("  {} bytes in all", report.bytes);
     let Some(gather) = &report.gather else {
-        println!("gather: skipped, no photons");
+        say!("gather: skipped, no photons");
         return Ok(());
     };
     if let Some(memory) = &report.memory {
         let megabytes = |bytes: usize| bytes as f64 / 1e6;
-        println!(
+        say!(
             "memory: {} photons take at most {:.1} MB in OpenCL, sorting included, and {:.1} MB in OpenGL's textures",
             memory.photons,
             megabytes(memory.opencl_bytes),
             megabytes(memory.opengl_bytes)
         );
     }
-    println!("gather {} photons with R = {:.4} m", gather.stored, gather.radius);
+    say!("gather {} photons with R = {:.4} m", gather.stored, gather.radius);
     let here: Vec<_> = gather.here.iter().map(|(backend, class)| format!("{backend} is {class}")).collect();
-    println!("  here {}", here.join(", "));
+    say!("  here {}", here.join(", "));
     for (class, estimates) in [
         (Class::OpenGlGpu, &gather.opengl),
         (Class::OpenGlSoftware, &gather.opengl_software),
@@ -265,7 +266,7 @@ pub fn run(args: &Args) -> Result<()> {
             }
             let size = tile.map(|[w, h]| format!(" {w}x{h}")).unwrap_or_default();
             let (dearest, share) = estimate.dearest(class);
-            println!(
+            say!(
                 "  {} {:<15} {:<17} {candidates:>9.1} candidates a pixel, {entries:>10.0} entries, {:>6.2} x the cost, \
                  {:.0}% {dearest}",
                 if rank == 0 { "used   " } else { "skipped" },

@@ -6,10 +6,10 @@ use serde::Serialize;
 
 use super::batches;
 use super::options::{BackendArg, RenderOptions};
-use super::passes::{self, PassOptions, Passes};
-use super::{notice, print_json};
+use super::passes::{self, PassOptions, Passes, Unfinished};
+use super::{notice, print_json, rescue};
 use crate::error::{Error, Result};
-use crate::film::{SaveOptions, check_output};
+use crate::film::{SaveOptions, check_distinct, check_output};
 use crate::pipeline::change::Stage;
 use crate::pipeline::progressive;
 use crate::pipeline::{Devices, Pipeline, Times};
@@ -81,20 +81,19 @@ pub fn run(args: &Args) -> Result<()> {
     wish.settle(&scene, &mut settings.clone())?; // what contradicts itself is told before any driver is asked
     let output = args.output.clone().unwrap_or_else(|| PathBuf::from(format!("{}.png", scene.name)));
     check_output(&output)?;
+    check_distinct(&[("-o", Some(&output)), ("--checkpoint", args.passes.checkpoint.as_deref())])?;
     let exposure = args.exposure.or(scene.render.exposure.map(|ev| ev as f32)).unwrap_or(0.0);
     if !exposure.is_finite() {
         return Err(Error::Usage(format!("found --exposure {exposure}, expected a finite number")));
     }
 
     let machine = args.options.machine(args.backend.map(Backend::from));
-    let mut pipeline = Pipeline::open(&machine, notice)?;
+    let mut pipeline = Pipeline::open_for(&machine, [settings.width, settings.height], notice)?;
     wish.on_gpu = pipeline.is_on_gpu();
     wish.settle(&scene, &mut settings)?;
     let chosen_paths = args.options.choose_paths(&scene, &mut settings)?;
     let chosen = if args.backend.is_some() { "asked for" } else { "the first that works" };
-    let device = pipeline.devices.opengl.as_ref().or(pipeline.devices.opencl.as_ref());
-    let device = device.map(|name| format!(" on {name}")).unwrap_or_default();
-    notice(&format!("rendering with {} ({chosen}){device}", pipeline.backend.name()));
+    notice(&format!("rendering with {} ({chosen}){}", pipeline.backend.name(), on_devices(&pipeline.devices)));
 
     if let Some(chosen) = chosen_paths {
         notice(&chosen);
@@ -105,8 +104,11 @@ pub fn run(args: &Args) -> Result<()> {
     } else {
         Passes::one(batches::render(&mut pipeline, &scene, &settings)?)
     };
-    let rendering = &picture.last;
-    let warnings = crate::plan::warnings::of(&scene, &settings, rendering.radius);
+    let rendering = picture.last.as_ref();
+    let radius = rendering.and_then(|rendering| rendering.radius);
+    let photons = rendering.and_then(|rendering| rendering.photons);
+    let method = rendering.and_then(|rendering| rendering.method);
+    let warnings = crate::plan::warnings::of(&scene, &settings, radius);
     for warning in &warnings {
         notice(&format!("warning: {warning}"));
     }
@@ -119,15 +121,16 @@ pub fn run(args: &Args) -> Result<()> {
         note("seed", settings.seed.to_string()),
     ];
     let channels = picture.estimate.as_ref().map(progressive::channels).unwrap_or_default();
-    picture.image.save(&output, &SaveOptions { exposure, settings: &provenance, channels: &channels })?;
+    let options = SaveOptions { exposure, settings: &provenance, channels: &channels };
+    let written = rescue::written_somewhere(&output, |path| picture.image.save(path, &options));
 
     let times = picture.times;
-    if let (Some(photons), Some(radius)) = (rendering.photons, rendering.radius) {
+    if let (Some(photons), Some(radius)) = (photons, radius) {
         notice(&format!(
             "{} paths emitted, {} photons stored, gathered by {} with radius {radius:.4} m",
             photons.emitted,
             photons.stored,
-            rendering.method.map_or("nothing", Method::name)
+            method.map_or("nothing", Method::name)
         ));
     }
     let error = picture.estimate.as_ref().map(|estimate| estimate.relative);
@@ -137,7 +140,7 @@ pub fn run(args: &Args) -> Result<()> {
     }
     notice(&format!(
         "{} in {:.1} ms (compile {:.1}, emit {:.1}, grid {:.1}, tiles {:.1}, upload {:.1}, trace {:.1}, readback {:.1})",
-        output.display(),
+        if written.is_ok() { output.display().to_string() } else { "rendered".into() },
         times.total,
         times.compile,
         times.emit,
@@ -152,17 +155,17 @@ pub fn run(args: &Args) -> Result<()> {
         print_json(&Report {
             scene: &scene.name,
             backend: pipeline.backend,
-            gather: rendering.method.unwrap_or(settings.gather.method),
+            gather: method.unwrap_or(settings.gather.method),
             light: settings.light,
-            radius: rendering.radius,
-            grid_form: rendering.form,
-            photons: rendering.photons,
-            uploads: rendering.uploads,
+            radius,
+            grid_form: rendering.and_then(|rendering| rendering.form),
+            photons,
+            uploads: rendering.map_or(0, |rendering| rendering.uploads),
             size: [settings.width, settings.height],
             samples: settings.samples,
             seed: settings.seed,
             time_ms: times,
-            skipped: rendering.skipped.clone(),
+            skipped: rendering.map_or_else(|| Stage::ALL.to_vec(), |rendering| rendering.skipped.clone()),
             devices: &pipeline.devices,
             memory_bytes: pipeline.bytes(),
             memory_most_opencl_bytes: pipeline.most_bytes(),
@@ -171,20 +174,31 @@ pub fn run(args: &Args) -> Result<()> {
             technique: techniques::asked(&settings).name,
             render_seconds: picture.seconds,
             error,
-            interrupted: picture.interrupted,
+            interrupted: matches!(picture.unfinished, Some(Unfinished::Interrupted)),
             warnings,
             longest_submission_ms: longest.0,
             longest_submission: longest.1,
         });
     }
     // Not what was asked for: a script must not take it for that.
-    match picture.interrupted {
-        true => Err(Error::Failed(match &picture.checkpoint {
-            Some(path) => {
-                format!("interrupted after {} passes; go on with --checkpoint {}", picture.passes, path.display())
-            }
-            None => format!("interrupted after {} passes; {} holds what was done", picture.passes, output.display()),
-        })),
-        false => Ok(()),
+    let (passes, kept) = match (&picture.checkpoint, &picture.unfinished) {
+        (Some(path), _) => (picture.passes, format!("go on with --checkpoint {}", path.display())),
+        (None, _) => (picture.passes, format!("{} holds what was done", output.display())),
+    };
+    written.and(match picture.unfinished {
+        None => Ok(()),
+        Some(Unfinished::Interrupted) => Err(Error::Failed(format!("interrupted after {passes} passes; {kept}"))),
+        Some(Unfinished::Failed(error)) => Err(Error::Failed(format!("{error}; after {passes} passes: {kept}"))),
+        Some(Unfinished::Unsaved(error)) => Err(error),
+    })
+}
+
+/// The devices at work, for a line: the one that traces first, and where another makes the photons, that too.
+fn on_devices(devices: &Devices) -> String {
+    match (&devices.opengl, &devices.opencl) {
+        (Some(opengl), Some(opencl)) => format!(" on {opengl}, photons by OpenCL on {opencl}"),
+        (Some(opengl), None) => format!(" on {opengl}, photons by the CPU"),
+        (None, Some(opencl)) => format!(" on {opencl}"),
+        (None, None) => String::new(),
     }
 }

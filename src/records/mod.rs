@@ -13,6 +13,7 @@ mod photons;
 mod prelude;
 mod record;
 mod scene;
+pub mod table_sets;
 mod tables;
 mod texture_shape;
 

@@ -19,6 +19,7 @@ use crate::plan::choice::Class;
 use crate::program::features::{Features, is_divided};
 use crate::records::Frame;
 use crate::records::packed_scene::PackedScene;
+use crate::records::table_sets::TableSet;
 use crate::scene::Scene;
 use crate::settings::{Amount, GridForm, LightMode, Method, Pass, Settings, Technique};
 use crate::stage::Stage;
@@ -36,7 +37,7 @@ pub struct Row {
     /// In the order in which they run.
     pub stages: &'static [Stage],
     /// What it reads beside the scene's own tables.
-    pub tables: &'static [&'static str],
+    pub tables: &'static [&'static TableSet],
     /// Settles what the user left open about its passes.
     pub settle: fn(&Wish, &Scene, &mut Settings) -> Result<()>,
     /// What pass `index` takes otherwise than all of them; the sums are those of its [`Bias`].

@@ -4,23 +4,22 @@ use std::rc::Rc;
 
 use super::draws::{self, Draws, Query};
 use super::{Indirect, Pause, Permutation, Trace, check_count, out_of_order};
-use crate::device::cl::{Arg, Buffer, Context, Kernel};
+use crate::device::cl::{Arg, Arguments, Buffer, Context, Kernel};
 use crate::device::submissions;
 use crate::error::Result;
 use crate::film::Image;
 use crate::program::gathering::Gathering;
 use crate::program::source::{Options, assemble};
 use crate::records::packed_scene::PackedScene;
-use crate::records::{Frame, Gather, Light, LitPoint, Material, Shape, Site, SiteLattice, SiteSurface};
+use crate::records::{Frame, Gather, LitPoint, Site, SiteLattice, SiteSurface};
 use crate::stage::irradiance::IrradianceView;
 use crate::stage::map::MapView;
+use crate::stage::scene_buffers::SceneBuffers;
 
 /// Kernels alone.
 pub struct ClTrace {
     context: Rc<Context>,
-    shapes: Option<Buffer<Shape>>,
-    materials: Option<Buffer<Material>>,
-    lights: Option<Buffer<Light>>,
+    scene: Option<SceneBuffers>,
     frame: Buffer<Frame>,
     film: Option<(u32, u32, Buffer<[f32; 3]>)>,
     /// Of a picture that is cut within its pixels: a part of it.
@@ -74,24 +73,9 @@ impl ClTrace {
     /// [`crate::error::Error::Device`] when the device has no room.
     pub fn new(context: Rc<Context>) -> Result<ClTrace> {
         let (frame, lattice, slice) = (Buffer::new(&context, 1)?, Buffer::new(&context, 1)?, Buffer::new(&context, 1)?);
-        let (shapes, materials, lights, film, part, points, sites, active) = Default::default();
+        let (scene, film, part, points, sites, active) = Default::default();
         let (pause, missing) = Default::default();
-        Ok(ClTrace {
-            context,
-            shapes,
-            materials,
-            lights,
-            frame,
-            film,
-            part,
-            slice,
-            lattice,
-            points,
-            sites,
-            active,
-            pause,
-            missing,
-        })
+        Ok(ClTrace { context, scene, frame, film, part, slice, lattice, points, sites, active, pause, missing })
     }
 
     /// How a picture is cut within its pixels: on CPUs, where nothing has to be, never.
@@ -117,6 +101,13 @@ impl ClTrace {
 }
 
 impl Trace for ClTrace {
+    fn make_film(&mut self, [width, height]: [u32; 2]) -> Result<()> {
+        if self.film.as_ref().is_none_or(|(w, h, _)| (*w, *h) != (width, height)) {
+            self.film = Some((width, height, Buffer::new(&self.context, width as usize * height as usize)?));
+        }
+        Ok(())
+    }
+
     fn compile(&mut self, permutation: &Permutation) -> Result<()> {
         if self.active.as_ref().is_some_and(|active| active.permutation == *permutation) {
             return Ok(());
@@ -144,9 +135,7 @@ impl Trace for ClTrace {
 
     fn upload(&mut self, packed: &PackedScene) -> Result<()> {
         check_count(packed)?;
-        self.shapes = Some(Buffer::from_slice(&self.context, &packed.shapes)?);
-        self.materials = Some(Buffer::from_slice(&self.context, &packed.materials)?);
-        self.lights = Some(Buffer::from_slice(&self.context, &packed.lights)?);
+        self.scene = Some(SceneBuffers::new(&self.context, packed)?);
         Ok(())
     }
 
@@ -156,30 +145,26 @@ impl Trace for ClTrace {
 
     fn trace(&mut self, frame: &Frame, indirect: Indirect) -> Result<()> {
         let (width, height) = (frame.width as u32, frame.height as u32);
-        if self.film.as_ref().is_none_or(|(w, h, _)| (*w, *h) != (width, height)) {
-            self.film = Some((width, height, Buffer::new(&self.context, width as usize * height as usize)?));
-        }
+        self.make_film([width, height])?;
         self.frame.write(&self.context, std::slice::from_ref(frame))?;
         let draws = self.draws(frame, &indirect)?;
         if let (Some(active), false) = (&mut self.active, draws.is_whole(frame)) {
             active.build_sliced(&self.context)?;
         }
-        let (Some(active), Some(shapes), Some(materials), Some(lights), Some((_, _, film))) =
-            (&self.active, &self.shapes, &self.materials, &self.lights, &self.film)
-        else {
+        let (Some(active), Some(scene), Some((_, _, film))) = (&self.active, &self.scene, &self.film) else {
             return Err(out_of_order("OpenCL"));
         };
-        let mut args: Vec<Arg> = vec![(&self.frame).into(), shapes.into(), materials.into(), lights.into()];
+        let mut args = scene.arguments().table(&self.frame);
         match (active.permutation.gathering, indirect) {
             (None, Indirect::None) => {}
             (Some(gathering), Indirect::Map(MapView::Device { stored: Some(stored), tiles: Some(tiles), .. }))
                 if gathering.method.is_tiled() =>
             {
-                args.extend(tiles.args(stored));
+                args = args.and(&tiles.arguments(stored));
             }
             (Some(gathering), Indirect::Map(MapView::Device { stored, grid, .. })) if !gathering.method.is_tiled() => {
-                let photons = grid.args(stored.as_ref(), gathering.method);
-                args.extend(photons.ok_or_else(|| out_of_order("OpenCL"))?);
+                let photons = grid.arguments(stored.as_ref(), gathering.method);
+                args = args.and(&photons.ok_or_else(|| out_of_order("OpenCL"))?);
             }
             (None, Indirect::Final(IrradianceView::Device { charts, texels, .. }, pass)) => {
                 let lattice = &pass.lattice;
@@ -190,22 +175,20 @@ impl Trace for ClTrace {
                 };
                 let points = self.points.insert(points);
                 points.write(&self.context, &pass.points)?;
-                args.extend([Arg::from(*charts), (&self.lattice).into(), (*texels).into(), (&*points).into()]);
+                args = args.table(charts).table(&self.lattice).table(texels).table(points);
                 if let Some(kernel) = &active.sites {
                     let count = lattice.columns as usize * lattice.rows as usize;
                     if self.sites.as_ref().is_none_or(|(sites, _)| sites.len() < count) {
                         self.sites = Some((Buffer::new(&self.context, count)?, Buffer::new(&self.context, count)?));
                     }
                     let Some((sites, surfaces)) = &self.sites else { return Err(out_of_order("OpenCL")) };
-                    let tables = [Arg::from(sites), surfaces.into()];
-                    let mut own = args.clone();
-                    own.extend(tables);
-                    own.push((count as i32).into());
+                    let own = args.clone().with("irradiances", sites).with("surfaces", surfaces);
+                    let own = own.with("count", count as i32);
                     let local = if active.lanes == 1 { 64 } else { 8 };
                     let items = count.div_ceil(active.lanes as usize);
                     kernel.pace.expect(draws::site_work(frame, lattice));
                     self.context.launch(kernel, &own, &[items], Some(&[local]))?;
-                    args.extend(tables);
+                    args = args.table(sites).table(surfaces);
                 }
             }
             _ => return Err(out_of_order("OpenCL")),
@@ -227,13 +210,12 @@ impl Trace for ClTrace {
         };
         let pause = self.pause.clone().unwrap_or_else(|| Rc::new(|| true));
         let trace =
-            |kernel: &Kernel, mut args: Vec<Arg>, frame: &Frame, film: &Buffer<[f32; 3]>| -> Result<Vec<[u32; 2]>> {
+            |kernel: &Kernel, args: Arguments, frame: &Frame, film: &Buffer<[f32; 3]>| -> Result<Vec<[u32; 2]>> {
                 kernel.pace.expect(f64::from(width) * draws::work(frame, &indirect, gather.as_ref()));
                 // What is not cut goes on from a row to the next.
                 let stride = if kernel.pace.fits(blocks[1]) { 1 } else { submissions::stride(bands as usize) };
-                let numbers = [width, height, bands, stride as u32].map(|n| Arg::Int(n as i32));
-                args.push(Arg::from(film));
-                args.extend(numbers);
+                let args = args.with("film", film).with("width", width as i32).with("height", height as i32);
+                let args = args.with("bands", bands as i32).with("stride", stride as i32);
                 let done = context.launch_while(kernel, &args, &blocks, Some(&local), &*pause)?;
                 let missing = (done as u32 / BAND..bands).map(|band| {
                     let first = band * stride as u32 % bands * BAND * rows;
@@ -243,12 +225,13 @@ impl Trace for ClTrace {
             };
         self.missing.clear();
         let Some([sliced, add]) = active.sliced.as_ref().filter(|_| !draws.is_whole(frame)) else {
-            args.extend(active.queue.map(Arg::Local)); // slices are gathered alone
+            // Slices are gathered alone.
+            let args = active.queue.into_iter().fold(args, |args, bytes| args.with("queue", Arg::Local(bytes)));
             self.missing = trace(&active.kernel, args, frame, film)?;
             return Ok(());
         };
         if gather.is_some() {
-            args[3] = (&self.slice).into(); // the map's own arguments follow the scene's, this one first
+            args = args.replace(&self.slice);
         }
         let part = match &mut self.part {
             Some(part) if part.len() >= film.len() => part,
@@ -262,8 +245,9 @@ impl Trace for ClTrace {
             }
             let missing = trace(sliced, args.clone(), &frame, part)?;
             let floats = 3 * film.len();
-            let [count, is_first] = [floats as i32, i32::from(number == 0)].map(Arg::Int);
-            context.launch(add, &[(&*part).into(), film.into(), count, weight.into(), is_first], &[floats], None)?;
+            let sum = Arguments::new().with("part", &*part).with("film", film).with("count", floats as i32);
+            let sum = sum.with("weight", weight).with("is_first", i32::from(number == 0));
+            context.launch(add, &sum, &[floats], None)?;
             if !missing.is_empty() || !pause() {
                 // What is there of the others is a part of it.
                 self.missing = vec![[0, frame.height as u32]];

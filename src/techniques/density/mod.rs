@@ -11,11 +11,11 @@ use crate::error::{Error, Result};
 use crate::plan::tiling;
 use crate::program::gathering::Gathering;
 use crate::rays::emission::Emission;
+use crate::records::table_sets::{PHOTON_GRID, PHOTON_TILES};
 use crate::scene::Scene;
 use crate::settings::{GridForm, Settings};
 use crate::stage::Stage;
 use crate::stage::map::{MapCounts, MapStage, MapView};
-use crate::stage::photon_textures::PhotonTextures;
 use crate::stage::trace::{Indirect, Permutation, Trace};
 use choose::Chosen;
 
@@ -23,7 +23,7 @@ use choose::Chosen;
 pub static ROW: Row = Row {
     name: "map",
     stages: &[Stage::Upload, Stage::Photons, Stage::Grid, Stage::Compile, Stage::Textures, Stage::Tiles, Stage::Trace],
-    tables: &PhotonTextures::SAMPLERS,
+    tables: &[&PHOTON_GRID, &PHOTON_TILES],
     settle,
     of_pass: passes::of_pass,
     bias: Some(Bias { sums: passes::sums, add: passes::add, estimate: passes::bias }),

@@ -11,18 +11,19 @@ use crate::program::features::Features;
 use crate::rays::emission::{Emission, is_closed};
 use crate::rays::scene::SceneTables;
 use crate::records::packing::Packed;
+use crate::records::table_sets::{CHARTS, FINAL_GATHER, SITES};
 use crate::scene::Scene;
 use crate::settings::{Amount, FinalGather, LightMode, Settings, Technique};
 use crate::stage::Stage;
 use crate::stage::irradiance::IrradianceStage;
 use crate::stage::map::MapCounts;
-use crate::stage::trace::{FinalPass, FinalTextures, Indirect, Permutation, Trace};
+use crate::stage::trace::{FinalPass, Indirect, Permutation, Trace};
 
 /// What it says of itself. Its texels blur, too, but by less than passes can tell: no bias is estimated.
 pub static ROW: Row = Row {
     name: "final-gather",
     stages: &[Stage::Upload, Stage::Photons, Stage::Compile, Stage::Textures, Stage::Trace],
-    tables: &FinalTextures::SAMPLERS,
+    tables: &[&CHARTS, &FINAL_GATHER, &SITES],
     settle,
     of_pass,
     bias: None,
