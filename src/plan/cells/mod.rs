@@ -7,7 +7,8 @@ use crate::device::memory::table_entries;
 use crate::error::{Error, Result};
 use crate::program::gathering::GATHER_SPREAD;
 use crate::records::face::{faces_of, shape_of_sheet, sheet_of};
-use crate::records::{Face, Gather, MAX_EXACT_INDEX, PLANE, Shape};
+use crate::records::{Face, Gather, MAX_EXACT_INDEX, Shape};
+use crate::shapes::sheet_of as sheet_of_record;
 
 /// Cells per radius, along each axis, where a work-item's lanes gather together. Measured on a closed room at 200k
 /// photons: candidates per accepted photon are 1.22 at R/6, 1.34 at R/4, 1.70 at R/2, 2.55 at R, 4.6 at 2R for one
@@ -132,8 +133,7 @@ pub struct Plan {
 /// Whether u and v are exchanged on an object's faces: planes across x have one or two cells along x only, and rows
 /// should be long.
 pub(crate) fn flipped(shape: &Shape) -> bool {
-    let [x, y, z] = shape.anchor.map(f32::abs);
-    shape.kind == PLANE && x > y.max(z)
+    sheet_of_record(shape).is_across_x()
 }
 
 /// Number of a distance's cell, rounded as `cell_along` rounds.
@@ -316,6 +316,7 @@ pub fn plan(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::records::PLANE;
 
     fn plane(normal: [f32; 3]) -> Shape {
         Shape { anchor: normal, kind: PLANE, ..Shape::default() }
