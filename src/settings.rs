@@ -1,117 +1,8 @@
 //! What the user asks of a picture: size, sampling, who carries the light. Syntax is the command line's business.
 
-/// Who carries direct light (DESIGN §2).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum LightMode {
-    /// Shadow rays for direct light, photons of at least one bounce for the rest.
-    #[default]
-    Hybrid,
-    /// All light from the photon map, as in the 2016 report.
-    Photons,
-    /// No photons at all.
-    Direct,
-}
+mod choices;
 
-/// Which machine traces and gathers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Backend {
-    /// A fragment shader on a full-screen quad.
-    OpenGl,
-    /// Kernels alone.
-    OpenCl,
-    /// The twins in Rust.
-    Cpu,
-}
-
-impl Backend {
-    /// In the order in which a backend is chosen when none is asked for.
-    pub const ALL: [Backend; 3] = [Backend::OpenGl, Backend::OpenCl, Backend::Cpu];
-
-    /// As users write it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Backend::OpenGl => "opengl",
-            Backend::OpenCl => "opencl",
-            Backend::Cpu => "cpu",
-        }
-    }
-}
-
-/// How the photons around a point are found.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, serde::Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Method {
-    /// Whichever of grid, tiles and tiled grid should be the fastest.
-    Auto,
-    /// The cells around the point.
-    #[default]
-    Grid,
-    /// The list of the point's screen-space tile.
-    Tiles,
-    /// The cells around the point in the grid of its tile.
-    TiledGrid,
-    /// The k nearest of them within R; the distance to the next one is the radius.
-    Knn,
-    /// All photons of the map: the truth for tests.
-    Brute,
-}
-
-impl Method {
-    /// As users write it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Method::Auto => "auto",
-            Method::Grid => "grid",
-            Method::Tiles => "tiles",
-            Method::TiledGrid => "tiled-grid",
-            Method::Knn => "knn",
-            Method::Brute => "brute",
-        }
-    }
-
-    /// Whether photons are sorted into screen-space tiles.
-    pub fn is_tiled(self) -> bool {
-        matches!(self, Method::Tiles | Method::TiledGrid)
-    }
-
-    /// Whether photons are read in the order in which they were stored: no grid is built.
-    pub fn reads_stored(self) -> bool {
-        self == Method::Brute || self.is_tiled()
-    }
-}
-
-/// The kernel K of the density estimate; each integrates to 1 over the unit disc.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum DensityKernel {
-    /// 1/π.
-    Constant,
-    /// 2/π · (1 − t²): the least variance for its bias (Epanechnikov 1969).
-    #[default]
-    Epanechnikov,
-    /// 3/π · (1 − t) (Jensen 1996).
-    Cone,
-    /// 3/π · (1 − t²)²: smooth at its rim.
-    Biweight,
-}
-
-impl DensityKernel {
-    /// All of them.
-    pub const ALL: [DensityKernel; 4] =
-        [DensityKernel::Constant, DensityKernel::Epanechnikov, DensityKernel::Cone, DensityKernel::Biweight];
-
-    /// As shaders know it.
-    pub fn define(self) -> &'static str {
-        match self {
-            DensityKernel::Constant => "KERNEL_CONSTANT",
-            DensityKernel::Epanechnikov => "KERNEL_EPANECHNIKOV",
-            DensityKernel::Cone => "KERNEL_CONE",
-            DensityKernel::Biweight => "KERNEL_BIWEIGHT",
-        }
-    }
-}
+pub use choices::{Backend, Choice, DensityKernel, GridForm, LightMode, Method, Row, Sampler, TechniqueKind};
 
 /// How long emission goes on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -122,17 +13,6 @@ pub enum Amount {
     Stored(u32),
 }
 
-/// Where the numbers of emission and first bounce come from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Sampler {
-    /// Roberts' R₄ sequence.
-    #[default]
-    Sequence,
-    /// Hashes, as all later bounces.
-    Random,
-}
-
 /// How indirect light becomes radiance.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Technique {
@@ -141,6 +21,16 @@ pub enum Technique {
     Map,
     /// A bounce of rays, which see the rest in irradiance texels.
     FinalGather(FinalGather),
+}
+
+impl Technique {
+    /// Which one it is, whatever its settings.
+    pub fn kind(&self) -> TechniqueKind {
+        match self {
+            Technique::Map => TechniqueKind::Map,
+            Technique::FinalGather(_) => TechniqueKind::FinalGather,
+        }
+    }
 }
 
 /// Settings of final gathering.
@@ -222,19 +112,6 @@ pub struct Gather {
     pub lattice: Option<Lattice>,
     /// Width and height of tiles, pixels; `None`: [`crate::plan::tiling::TILE`].
     pub tile: Option<[u32; 2]>,
-}
-
-/// Which of the grid's two forms is wanted.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, serde::Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum GridForm {
-    /// The dense one where it takes no more memory than the photons themselves.
-    #[default]
-    Auto,
-    /// Every face's box filled with cells.
-    Dense,
-    /// A table of hashed rows.
-    Hashed,
 }
 
 /// Cells that fill space from a corner on, in all directions.

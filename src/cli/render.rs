@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::batches;
-use super::options::{BackendArg, RenderOptions};
+use super::options::{RenderOptions, choice};
 use super::passes::{self, PassOptions, Passes};
 use super::{notice, print_json};
 use crate::error::{Error, Result};
@@ -13,7 +13,7 @@ use crate::film::{SaveOptions, check_output};
 use crate::pipeline::change::Stage;
 use crate::pipeline::progressive;
 use crate::pipeline::{Devices, Pipeline, Times};
-use crate::settings::{Backend, GridForm, LightMode, Method, Technique};
+use crate::settings::{Backend, GridForm, LightMode, Method};
 use crate::stage::map::MapCounts;
 
 /// Render a scene to a PNG or EXR file
@@ -27,8 +27,8 @@ pub struct Args {
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Which machine renders [default: opengl, else opencl, else cpu]
-    #[arg(long, value_enum)]
-    backend: Option<BackendArg>,
+    #[arg(long, value_parser = choice::<Backend>())]
+    backend: Option<Backend>,
     /// Exposure value: PNGs show radiance scaled by 2^EV
     #[arg(long, value_name = "EV", allow_negative_numbers = true)]
     exposure: Option<f32>,
@@ -85,7 +85,7 @@ pub fn run(args: &Args) -> Result<()> {
         return Err(Error::Usage(format!("found --exposure {exposure}, expected a finite number")));
     }
 
-    let machine = args.options.machine(args.backend.map(Backend::from));
+    let machine = args.options.machine(args.backend);
     let mut pipeline = Pipeline::open(&machine, notice)?;
     wish.on_gpu = pipeline.is_on_gpu();
     wish.settle(&scene, &mut settings)?;
@@ -167,10 +167,7 @@ pub fn run(args: &Args) -> Result<()> {
             memory_most_opencl_bytes: pipeline.most_bytes(),
             output: output.display().to_string(),
             passes: picture.passes,
-            technique: match settings.technique {
-                Technique::Map => "map",
-                Technique::FinalGather(_) => "final-gather",
-            },
+            technique: settings.technique.kind().name(),
             render_seconds: picture.seconds,
             error,
             interrupted: picture.interrupted,

@@ -6,10 +6,11 @@ use std::path::PathBuf;
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use super::options::BackendArg;
+use super::options::choice;
 use super::print_json;
 use crate::error::{Error, Result};
 use crate::film::check_directory;
+use crate::settings::Backend;
 use crate::stress::{Fault, Options, Progress, Size, Suite, run as stress};
 
 /// Stress numerical stability: every backend against double precision, with a bound on every figure
@@ -19,8 +20,8 @@ pub struct Args {
     #[arg(long, value_name = "SUITE,...", value_delimiter = ',', value_parser = parse_suite)]
     suite: Vec<Suite>,
     /// Which backends to test
-    #[arg(long, value_enum, value_delimiter = ',', default_values = ["opengl", "opencl", "cpu"])]
-    backend: Vec<BackendArg>,
+    #[arg(long, value_parser = choice::<Backend>(), value_delimiter = ',', default_values = Backend::ALL.map(Backend::name))]
+    backend: Vec<Backend>,
     /// Part of the name of the OpenCL device to use
     #[arg(long, value_name = "SUBSTRING")]
     device: Option<String>,
@@ -68,7 +69,7 @@ pub fn run(args: &Args) -> Result<()> {
     let suites = if args.suite.is_empty() { Suite::ALL.to_vec() } else { args.suite.clone() };
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let options = Options {
-        backends: args.backend.iter().map(|backend| (*backend).into()).collect(),
+        backends: args.backend.clone(),
         device: args.device.clone(),
         threads: args.threads.map_or(cores, usize::from),
         size: match args.size {

@@ -78,7 +78,8 @@ impl Gathering {
 
     /// The `#define`s of this permutation.
     pub fn defines(&self) -> Vec<String> {
-        let mut defines = vec!["HAS_PHOTONS".to_string(), self.kernel.define().to_string()];
+        let kernel = format!("KERNEL_{}", self.kernel.name().to_uppercase());
+        let mut defines = vec!["HAS_PHOTONS".to_string(), kernel];
         let mut add = |on: bool, name: &str| {
             if on {
                 defines.push(name.to_string());

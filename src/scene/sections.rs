@@ -7,9 +7,7 @@ use glam::DVec3;
 use super::check::{self, *};
 use super::error::near;
 use super::table::{Field, Read, Table};
-use super::{
-    Camera, GATHER_NAMES, LIGHT_NAMES, MAX_IMAGE_SIDE, Material, Plane, PointLight, RenderDefaults, Scene, Sphere,
-};
+use super::{Camera, MAX_IMAGE_SIDE, Material, Plane, PointLight, RenderDefaults, Scene, Sphere};
 
 const XYZ: &str = "three numbers [x, y, z]";
 const RGB: &str = "three numbers [r, g, b]";
@@ -133,8 +131,8 @@ fn render(table: &Table) -> Read<RenderDefaults> {
             .map(|field| field.integer(1..=i64::MAX as u64, "a whole number of photons > 0"))
             .transpose()?,
         radius: get("radius").map(|field| field.number(&RADIUS)).transpose()?,
-        gather: get("gather").map(|field| field.choice(&GATHER_NAMES)).transpose()?,
-        light: get("light").map(|field| field.choice(&LIGHT_NAMES)).transpose()?,
+        gather: get("gather").map(|field| field.choice()).transpose()?,
+        light: get("light").map(|field| field.choice()).transpose()?,
         passes: get("passes")
             .map(|field| field.integer(1..=u32::MAX.into(), "a whole number of passes > 0"))
             .transpose()?

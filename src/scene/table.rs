@@ -8,6 +8,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::error::{Position, SceneError, near};
+use crate::settings::Choice;
 
 /// Result of reading one thing from a scene file.
 pub(super) type Read<T> = Result<T, Box<SceneError>>;
@@ -189,16 +190,16 @@ impl<'a> Field<'a> {
         }
     }
 
-    /// One of a few words.
-    pub fn choice(&self, words: &[&'static str]) -> Read<String> {
-        let expected = format!("one of \"{}\"", words.join("\", \""));
+    /// One of the ways that users can name.
+    pub fn choice<T: Choice>(&self) -> Read<T> {
+        let names: Vec<_> = T::offered().map(|row| row.name).collect();
+        let expected = format!("one of \"{}\"", names.join("\", \""));
         let word = self.string(&expected)?;
-        if words.contains(&word) {
-            return Ok(word.to_owned());
-        }
-        let mut error = self.wrong(expected);
-        error.did_you_mean = near(word, words.iter().copied());
-        Err(error)
+        T::named(word).ok_or_else(|| {
+            let mut error = self.wrong(expected);
+            error.did_you_mean = near(word, names.iter().copied());
+            error
+        })
     }
 
     /// An array of exactly `N` values; `expected` shows how it is written.

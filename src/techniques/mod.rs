@@ -5,16 +5,8 @@ use crate::program::features::Features;
 use crate::rays::emission::{Amount, is_closed};
 use crate::records::packing::Packed;
 use crate::scene::Scene;
+pub use crate::settings::TechniqueKind as Kind;
 use crate::settings::{FinalGather, LightMode, Settings, Technique};
-
-/// A technique by name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
-    /// [`Technique::Map`].
-    Map,
-    /// [`Technique::FinalGather`].
-    FinalGather,
-}
 
 /// What the user asked for of what decides the technique; the rest is left open.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

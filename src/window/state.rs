@@ -162,8 +162,7 @@ impl State {
                 _ => self.backend = next(self.backend, &Backend::ALL),
             },
             Action::Light => {
-                let all = [LightMode::Hybrid, LightMode::Photons, LightMode::Direct];
-                self.settings.light = next(self.settings.light, &all);
+                self.settings.light = next(self.settings.light, &LightMode::ALL);
             }
             Action::Pause => self.paused = !self.paused,
             Action::Split => {
@@ -218,10 +217,10 @@ impl State {
         let (now, then) = (&self.settings, &self.first_settings);
         let render = &mut scene.render;
         if now.light != then.light {
-            render.light = Some(light_name(now.light).into());
+            render.light = Some(now.light);
         }
         if now.gather.method != then.gather.method {
-            render.gather = Some(now.gather.method.name().into());
+            render.gather = Some(now.gather.method);
         }
         if now.gather.radius != then.gather.radius {
             render.radius = now.gather.radius.map(f64::from);
@@ -235,15 +234,6 @@ impl State {
             render.exposure = Some(f64::from(self.exposure));
         }
         scene
-    }
-}
-
-/// As the scene file and the command line write it.
-pub fn light_name(light: LightMode) -> &'static str {
-    match light {
-        LightMode::Hybrid => "hybrid",
-        LightMode::Photons => "photons",
-        LightMode::Direct => "direct",
     }
 }
 
