@@ -180,99 +180,122 @@ pub fn run(args: &Args) -> Result<()> {
     let scene = args.options.load()?;
     let mut settings = args.options.settings(&scene);
     let chosen = args.options.choose_paths(&scene, &mut settings)?;
-    let (features, reasons) = Features::explain(&scene, &settings);
     if let Some(unit) = &args.source {
-        if !units().contains(&unit.as_str()) {
-            return Err(Error::Usage(format!("found --source {unit}, expected one of {}", units().join(", "))));
-        }
-        if ![1, 4, 8, 16].contains(&args.lanes) {
-            return Err(Error::Usage(format!("found --lanes {}, expected 1, 4, 8 or 16", args.lanes)));
-        }
-        print!("{}", assemble(unit, Some(&features), &Options { lanes: args.lanes, ..Options::default() }).text);
-        return Ok(());
+        return print_source(unit, args.lanes, &Features::of(&scene, &settings));
     }
-    let packed = Packed::new(&scene, scene.camera.position);
+    let report = report(&args.options, &scene, &settings, chosen)?;
+    match args.json {
+        true => print_json(&report),
+        false => report.print(),
+    }
+    Ok(())
+}
+
+fn print_source(unit: &str, lanes: u32, features: &Features) -> Result<()> {
+    if !units().contains(&unit) {
+        return Err(Error::Usage(format!("found --source {unit}, expected one of {}", units().join(", "))));
+    }
+    if ![1, 4, 8, 16].contains(&lanes) {
+        return Err(Error::Usage(format!("found --lanes {lanes}, expected 1, 4, 8 or 16")));
+    }
+    print!("{}", assemble(unit, Some(features), &Options { lanes, ..Options::default() }).text);
+    Ok(())
+}
+
+fn report(options: &RenderOptions, scene: &Scene, settings: &Settings, chosen: Option<String>) -> Result<Report> {
+    let (features, reasons) = Features::explain(scene, settings);
+    let packed = Packed::new(scene, scene.camera.position);
     let mut uploads =
         vec![table::<Frame>(1), table::<Object>(packed.objects.len()), table::<Light>(packed.lights.len())];
     if !packed.glasses.is_empty() {
         uploads.push(table::<Glass>(packed.glasses.len()));
     }
-    let gather = gathering(&args.options, &scene, &settings, &features, &packed)?;
+    let gather = gathering(options, scene, settings, &features, &packed)?;
     let memory = gather.as_ref().map(|gather| {
         let stored = gather.stored as usize;
         let opengl_bytes = memory::texture_bytes(features.glossy, stored);
         Memory { photons: gather.stored, opencl_bytes: memory::opencl_bytes(features.glossy, stored), opengl_bytes }
     });
-    let report = Report {
+    Ok(Report {
         scene: scene.name.clone(),
         permutation: features.defines(),
-        stages: stages(&scene, &settings, chosen, aimed(&packed, &settings)?),
+        stages: stages(scene, settings, chosen, aimed(&packed, settings)?),
         features: reasons,
         bytes: uploads.iter().map(|t| t.bytes).sum(),
         uploads,
         gather,
         memory,
-    };
-    if args.json {
-        print_json(&report);
-        return Ok(());
-    }
-    println!("scene {}: {}", report.scene, report.permutation.join(" "));
-    for reason in report.stages.iter().chain(&report.features) {
-        println!("  {} {:<20} {}", if reason.used { "used   " } else { "skipped" }, reason.feature, reason.why);
-    }
-    println!("uploads");
-    for Table { table, records, texels, texture, bytes } in &report.uploads {
-        println!(
-            "  {table:<8} {records:>8} records {texels:>8} texels {bytes:>10} bytes, texture {} × {}",
-            texture[0], texture[1]
-        );
-    }
-    println!("  {} bytes in all", report.bytes);
-    let Some(gather) = &report.gather else {
-        println!("gather: skipped, no photons");
-        return Ok(());
-    };
-    if let Some(memory) = &report.memory {
-        let megabytes = |bytes: usize| bytes as f64 / 1e6;
-        println!(
-            "memory: {} photons take at most {:.1} MB in OpenCL, sorting included, and {:.1} MB in OpenGL's textures",
-            memory.photons,
-            megabytes(memory.opencl_bytes),
-            megabytes(memory.opengl_bytes)
-        );
-    }
-    println!("gather {} photons with R = {:.4} m", gather.stored, gather.radius);
-    let here: Vec<_> = gather.here.iter().map(|(backend, class)| format!("{backend} is {class}")).collect();
-    println!("  here {}", here.join(", "));
-    for (class, estimates) in [
-        (Class::OpenGlGpu, &gather.opengl),
-        (Class::OpenGlSoftware, &gather.opengl_software),
-        (Class::OpenClGpu, &gather.opencl),
-        (Class::OpenClLanes, &gather.opencl_cpu),
-        (Class::Cpu, &gather.cpu),
-    ] {
-        let least = estimates.first().map_or(1.0, |best| best.cost);
-        for (rank, estimate) in estimates.iter().enumerate() {
-            let Estimate { method, tile, candidates, entries, cost, .. } = estimate;
-            // Of each method the best tiles.
-            if estimates[..rank].iter().any(|better| better.method == *method) {
-                continue;
-            }
-            let size = tile.map(|[w, h]| format!(" {w}x{h}")).unwrap_or_default();
-            let (dearest, share) = estimate.dearest(class);
+    })
+}
+
+impl Report {
+    fn print(&self) {
+        println!("scene {}: {}", self.scene, self.permutation.join(" "));
+        for reason in self.stages.iter().chain(&self.features) {
+            println!("  {} {:<20} {}", if reason.used { "used   " } else { "skipped" }, reason.feature, reason.why);
+        }
+        println!("uploads");
+        for Table { table, records, texels, texture, bytes } in &self.uploads {
             println!(
-                "  {} {:<15} {:<17} {candidates:>9.1} candidates a pixel, {entries:>10.0} entries, {:>6.2} x the cost, \
-                 {:.0}% {dearest}",
-                if rank == 0 { "used   " } else { "skipped" },
-                class.name(),
-                format!("{}{size}", method.name()),
-                cost / least,
-                100.0 * share
+                "  {table:<8} {records:>8} records {texels:>8} texels {bytes:>10} bytes, texture {} × {}",
+                texture[0], texture[1]
             );
         }
+        println!("  {} bytes in all", self.bytes);
+        if let Some(memory) = &self.memory {
+            let megabytes = |bytes: usize| bytes as f64 / 1e6;
+            println!(
+                "memory: {} photons take at most {:.1} MB in OpenCL, sorting included, and {:.1} MB in OpenGL's textures",
+                memory.photons,
+                megabytes(memory.opencl_bytes),
+                megabytes(memory.opengl_bytes)
+            );
+        }
+        match &self.gather {
+            Some(gather) => gather.print(),
+            None => println!("gather: skipped, no photons"),
+        }
     }
-    Ok(())
+}
+
+impl Gathering {
+    fn print(&self) {
+        println!("gather {} photons with R = {:.4} m", self.stored, self.radius);
+        let here: Vec<_> = self.here.iter().map(|(backend, class)| format!("{backend} is {class}")).collect();
+        println!("  here {}", here.join(", "));
+        for (class, estimates) in [
+            (Class::OpenGlGpu, &self.opengl),
+            (Class::OpenGlSoftware, &self.opengl_software),
+            (Class::OpenClGpu, &self.opencl),
+            (Class::OpenClLanes, &self.opencl_cpu),
+            (Class::Cpu, &self.cpu),
+        ] {
+            print_estimates(class, estimates);
+        }
+    }
+}
+
+/// A line for each method, the cheapest first.
+fn print_estimates(class: Class, estimates: &[Estimate]) {
+    let least = estimates.first().map_or(1.0, |best| best.cost);
+    for (rank, estimate) in estimates.iter().enumerate() {
+        let Estimate { method, tile, candidates, entries, cost, .. } = estimate;
+        // Of each method the best tiles.
+        if estimates[..rank].iter().any(|better| better.method == *method) {
+            continue;
+        }
+        let size = tile.map(|[w, h]| format!(" {w}x{h}")).unwrap_or_default();
+        let (dearest, share) = estimate.dearest(class);
+        println!(
+            "  {} {:<15} {:<17} {candidates:>9.1} candidates a pixel, {entries:>10.0} entries, {:>6.2} x the cost, \
+             {:.0}% {dearest}",
+            if rank == 0 { "used   " } else { "skipped" },
+            class.name(),
+            format!("{}{size}", method.name()),
+            cost / least,
+            100.0 * share
+        );
+    }
 }
 
 fn table<R: Record>(records: usize) -> Table {

@@ -1,6 +1,6 @@
 //! `photile render`: a scene file in, an image out.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
@@ -13,8 +13,10 @@ use crate::film::{SaveOptions, check_output};
 use crate::pipeline::change::Stage;
 use crate::pipeline::progressive;
 use crate::pipeline::{Devices, Pipeline, Times};
-use crate::settings::{Backend, GridForm, LightMode, Method};
+use crate::scene::Scene;
+use crate::settings::{Backend, GridForm, LightMode, Method, Settings, TechniqueKind};
 use crate::stage::map::MapCounts;
+use crate::techniques::Wish;
 
 /// Render a scene to a PNG or EXR file
 #[derive(clap::Args)]
@@ -61,7 +63,7 @@ struct Report<'a> {
     output: String,
     /// Passes in the picture, those of a checkpoint included.
     passes: u64,
-    technique: &'static str,
+    technique: TechniqueKind,
     /// Seconds of this run's passes, compilation apart.
     render_seconds: f64,
     /// Estimated: mean over the image of (standard error + bias) / radiance.
@@ -75,9 +77,9 @@ struct Report<'a> {
 
 pub fn run(args: &Args) -> Result<()> {
     let scene = args.options.load()?;
-    let mut settings = args.options.settings(&scene);
-    let mut wish = args.passes.wish(&args.options, &scene);
-    wish.settle(&scene, &mut settings.clone())?; // what contradicts itself is told before any driver is asked
+    let asked = args.options.settings(&scene);
+    let wish = args.passes.wish(&args.options, &scene);
+    wish.settle(&scene, &mut asked.clone())?; // what contradicts itself is told before any driver is asked
     let output = args.output.clone().unwrap_or_else(|| PathBuf::from(format!("{}.png", scene.name)));
     check_output(&output)?;
     let exposure = args.exposure.or(scene.render.exposure.map(|ev| ev as f32)).unwrap_or(0.0);
@@ -85,72 +87,105 @@ pub fn run(args: &Args) -> Result<()> {
         return Err(Error::Usage(format!("found --exposure {exposure}, expected a finite number")));
     }
 
-    let machine = args.options.machine(args.backend);
-    let mut pipeline = Pipeline::open(&machine, notice)?;
-    wish.on_gpu = pipeline.is_on_gpu();
-    wish.settle(&scene, &mut settings)?;
-    let chosen_paths = args.options.choose_paths(&scene, &mut settings)?;
-    let chosen = if args.backend.is_some() { "asked for" } else { "the first that works" };
-    let device = pipeline.devices.opengl.as_ref().or(pipeline.devices.opencl.as_ref());
-    let device = device.map(|name| format!(" on {name}")).unwrap_or_default();
-    notice(&format!("rendering with {} ({chosen}){device}", pipeline.backend.name()));
-
-    if let Some(chosen) = chosen_paths {
-        notice(&chosen);
-    }
-
+    let mut pipeline = Pipeline::open(&args.options.machine(args.backend), notice)?;
+    let settings = settle(args, &scene, asked, wish, &pipeline)?;
     let picture = if args.passes.wanted(&scene) {
         passes::run(&mut pipeline, &scene, &settings, &args.passes)?
     } else {
         Passes::one(batches::render(&mut pipeline, &scene, &settings)?)
     };
-    let rendering = &picture.last;
-    let warnings = crate::plan::warnings::of(&scene, &settings, rendering.radius);
+    let warnings = crate::plan::warnings::of(&scene, &settings, picture.last.radius);
     for warning in &warnings {
         notice(&format!("warning: {warning}"));
     }
-    let note = |name: &str, value: String| (name.to_string(), value);
-    let provenance = [
-        note("scene", scene.name.clone()),
-        note("backend", pipeline.backend.name().into()),
-        note("samples", settings.samples.to_string()),
-        note("passes", picture.passes.to_string()),
-        note("seed", settings.seed.to_string()),
-    ];
-    let channels = picture.estimate.as_ref().map(progressive::channels).unwrap_or_default();
-    picture.image.save(&output, &SaveOptions { exposure, settings: &provenance, channels: &channels })?;
-
-    let times = picture.times;
-    if let (Some(photons), Some(radius)) = (rendering.photons, rendering.radius) {
-        notice(&format!(
-            "{} paths emitted, {} photons stored, gathered by {} with radius {radius:.4} m",
-            photons.emitted,
-            photons.stored,
-            rendering.method.map_or("nothing", Method::name)
-        ));
-    }
-    let error = picture.estimate.as_ref().map(|estimate| estimate.relative);
-    if picture.passes > 1 {
-        let error = error.map(|error| format!(", error about {:.3}%", 100.0 * error)).unwrap_or_default();
-        notice(&format!("{} passes in {:.2} s{error}", picture.passes, picture.seconds));
-    }
-    notice(&format!(
-        "{} in {:.1} ms (compile {:.1}, emit {:.1}, grid {:.1}, tiles {:.1}, upload {:.1}, trace {:.1}, readback {:.1})",
-        output.display(),
-        times.total,
-        times.compile,
-        times.emit,
-        times.grid,
-        times.tiles,
-        times.upload,
-        times.trace,
-        times.readback
-    ));
+    let done = Done { scene: &scene, settings: &settings, pipeline: &pipeline, picture: &picture, output: &output };
+    done.save(exposure)?;
+    done.tell();
     if args.json {
+        print_json(&done.report(warnings));
+    }
+    done.end()
+}
+
+/// What the user left open is settled for the backend that was opened, and told.
+fn settle(args: &Args, scene: &Scene, asked: Settings, wish: Wish, pipeline: &Pipeline) -> Result<Settings> {
+    let mut settings = asked;
+    Wish { on_gpu: pipeline.is_on_gpu(), ..wish }.settle(scene, &mut settings)?;
+    let chosen_paths = args.options.choose_paths(scene, &mut settings)?;
+    let chosen = if args.backend.is_some() { "asked for" } else { "the first that works" };
+    let device = pipeline.devices.opengl.as_ref().or(pipeline.devices.opencl.as_ref());
+    let device = device.map(|name| format!(" on {name}")).unwrap_or_default();
+    notice(&format!("rendering with {} ({chosen}){device}", pipeline.backend.name()));
+    if let Some(chosen) = chosen_paths {
+        notice(&chosen);
+    }
+    Ok(settings)
+}
+
+/// A picture, and what it was made from and with.
+struct Done<'a> {
+    scene: &'a Scene,
+    settings: &'a Settings,
+    pipeline: &'a Pipeline,
+    picture: &'a Passes,
+    output: &'a Path,
+}
+
+impl Done<'_> {
+    /// Writes the image, with its provenance and the estimate's channels.
+    fn save(&self, exposure: f32) -> Result<()> {
+        let note = |name: &str, value: String| (name.to_string(), value);
+        let provenance = [
+            note("scene", self.scene.name.clone()),
+            note("backend", self.pipeline.backend.name().into()),
+            note("samples", self.settings.samples.to_string()),
+            note("passes", self.picture.passes.to_string()),
+            note("seed", self.settings.seed.to_string()),
+        ];
+        let channels = self.picture.estimate.as_ref().map(progressive::channels).unwrap_or_default();
+        self.picture.image.save(self.output, &SaveOptions { exposure, settings: &provenance, channels: &channels })
+    }
+
+    /// The picture's estimated error, relative and as a mean over the image.
+    fn error(&self) -> Option<f64> {
+        self.picture.estimate.as_ref().map(|estimate| estimate.relative)
+    }
+
+    /// Says on stderr how it was made, and how long that took.
+    fn tell(&self) {
+        let (picture, rendering, times) = (self.picture, &self.picture.last, &self.picture.times);
+        if let (Some(photons), Some(radius)) = (rendering.photons, rendering.radius) {
+            notice(&format!(
+                "{} paths emitted, {} photons stored, gathered by {} with radius {radius:.4} m",
+                photons.emitted,
+                photons.stored,
+                rendering.method.map_or("nothing", Method::name)
+            ));
+        }
+        if picture.passes > 1 {
+            let error = self.error().map(|error| format!(", error about {:.3}%", 100.0 * error)).unwrap_or_default();
+            notice(&format!("{} passes in {:.2} s{error}", picture.passes, picture.seconds));
+        }
+        let parts = [
+            ("compile", times.compile),
+            ("emit", times.emit),
+            ("grid", times.grid),
+            ("tiles", times.tiles),
+            ("upload", times.upload),
+            ("trace", times.trace),
+            ("readback", times.readback),
+        ];
+        let parts = parts.map(|(stage, ms)| format!("{stage} {ms:.1}")).join(", ");
+        notice(&format!("{} in {:.1} ms ({parts})", self.output.display(), times.total));
+    }
+
+    /// What `--json` prints.
+    fn report(&self, warnings: Vec<String>) -> Report<'_> {
+        let (settings, picture, rendering) = (self.settings, self.picture, &self.picture.last);
         let longest = crate::device::submissions::longest();
-        print_json(&Report {
-            scene: &scene.name,
-            backend: pipeline.backend,
+        Report {
+            scene: &self.scene.name,
+            backend: self.pipeline.backend,
             gather: rendering.method.unwrap_or(settings.gather.method),
             light: settings.light,
             radius: rendering.radius,
@@ -160,30 +195,36 @@ pub fn run(args: &Args) -> Result<()> {
             size: [settings.width, settings.height],
             samples: settings.samples,
             seed: settings.seed,
-            time_ms: times,
+            time_ms: picture.times,
             skipped: rendering.skipped.clone(),
-            devices: &pipeline.devices,
-            memory_bytes: pipeline.bytes(),
-            memory_most_opencl_bytes: pipeline.most_bytes(),
-            output: output.display().to_string(),
+            devices: &self.pipeline.devices,
+            memory_bytes: self.pipeline.bytes(),
+            memory_most_opencl_bytes: self.pipeline.most_bytes(),
+            output: self.output.display().to_string(),
             passes: picture.passes,
-            technique: settings.technique.kind().name(),
+            technique: settings.technique.kind(),
             render_seconds: picture.seconds,
-            error,
+            error: self.error(),
             interrupted: picture.interrupted,
             warnings,
             longest_submission_ms: longest.0,
             longest_submission: longest.1,
-        });
+        }
     }
-    // Not what was asked for: a script must not take it for that.
-    match picture.interrupted {
-        true => Err(Error::Failed(match &picture.checkpoint {
-            Some(path) => {
-                format!("interrupted after {} passes; go on with --checkpoint {}", picture.passes, path.display())
-            }
-            None => format!("interrupted after {} passes; {} holds what was done", picture.passes, output.display()),
-        })),
-        false => Ok(()),
+
+    /// An interrupted picture is not what was asked for: a script must not take it for that.
+    fn end(&self) -> Result<()> {
+        let passes = self.picture.passes;
+        match (self.picture.interrupted, &self.picture.checkpoint) {
+            (false, _) => Ok(()),
+            (true, Some(path)) => Err(Error::Failed(format!(
+                "interrupted after {passes} passes; go on with --checkpoint {}",
+                path.display()
+            ))),
+            (true, None) => Err(Error::Failed(format!(
+                "interrupted after {passes} passes; {} holds what was done",
+                self.output.display()
+            ))),
+        }
     }
 }
