@@ -7,7 +7,7 @@ pub use choices::{Backend, Choice, DensityKernel, GridForm, LightMode, Method, R
 /// How long emission goes on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Amount {
-    /// So many paths.
+    /// So many paths in every pass, whatever is stored of them.
     Paths(u32),
     /// Until so many photons are stored, as the report's map of fixed size.
     Stored(u32),
@@ -60,9 +60,9 @@ impl Default for FinalGather {
 /// Settings of one picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// Pixels across.
+    /// Of the image, pixels.
     pub width: u32,
-    /// Pixels down.
+    /// Of the image, pixels.
     pub height: u32,
     /// Samples per pixel; 1 is the pixel's centre.
     pub samples: u32,

@@ -96,7 +96,7 @@ impl Suite {
 /// What a suite may be asked; each takes what it has a use for.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// In this order.
+    /// The scenes to measure, in this order.
     pub scenes: Vec<Scene>,
     /// In this order; those that are not there are left out.
     pub backends: Vec<Backend>,
@@ -146,9 +146,9 @@ impl Options {
 /// How far a suite is.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Progress<'a> {
-    /// Steps done.
+    /// How many steps are done.
     pub done: u64,
-    /// Steps in all.
+    /// How many steps there are in all.
     pub total: u64,
     /// What is going on, or what the user should know ([`Progress::is_notice`]).
     pub what: &'a str,
@@ -191,9 +191,9 @@ struct Measured {
 /// A finished suite.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
-    /// Which.
+    /// The suite that ran.
     pub suite: Suite,
-    /// Where.
+    /// The machine and its drivers.
     pub machine: MachineInfo,
     /// The numbers it ran with.
     pub settings: serde_json::Value,
@@ -207,7 +207,7 @@ pub struct Report {
 }
 
 impl Report {
-    /// For a terminal.
+    /// The report as text, for a terminal.
     pub fn text(&self) -> String {
         let tables: Vec<&Table> =
             if self.summaries.is_empty() { vec![&self.rows] } else { self.summaries.iter().collect() };

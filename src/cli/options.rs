@@ -78,9 +78,9 @@ pub fn choice<T: Choice>() -> impl TypedValueParser<Value = T> {
 /// Pixels, `WIDTHxHEIGHT`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Size {
-    /// Across.
+    /// Columns of pixels.
     pub width: u32,
-    /// Down.
+    /// Rows of pixels.
     pub height: u32,
 }
 
@@ -213,7 +213,7 @@ impl RenderOptions {
         Ok(Some(format!("{} paths, since {}", chosen.paths, chosen.why)))
     }
 
-    /// Where to run.
+    /// The backend, device and threads to run on.
     pub fn machine(&self, backend: Option<Backend>) -> Machine {
         Machine { backend, device: self.device.clone(), threads: usize::from(self.threads), lanes: None }
     }

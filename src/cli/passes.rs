@@ -109,7 +109,7 @@ impl TechniqueOptions {
 pub struct Passes {
     /// The mean of all passes.
     pub image: Image,
-    /// The last pass.
+    /// What the last pass made, and by which means.
     pub last: Rendering,
     /// Times of this run's passes together.
     pub times: Times,

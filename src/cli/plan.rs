@@ -82,7 +82,7 @@ struct Gathering {
     opengl_software: Vec<Estimate>,
     /// OpenCL on a CPU, whose pixels gather in blocks.
     opencl_cpu: Vec<Estimate>,
-    /// The twin.
+    /// The twins in Rust.
     cpu: Vec<Estimate>,
     /// Which of these each backend is on this machine; one without a driver is none.
     here: BTreeMap<&'static str, &'static str>,

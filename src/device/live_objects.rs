@@ -18,7 +18,7 @@ static ALIVE: [AtomicI64; 2] = [AtomicI64::new(0), AtomicI64::new(0)];
 pub struct Counted(Kind);
 
 impl Counted {
-    /// One more.
+    /// Counts one more object of this kind.
     pub fn new(kind: Kind) -> Counted {
         ALIVE[kind as usize].fetch_add(1, Ordering::Relaxed);
         Counted(kind)

@@ -9,10 +9,10 @@ use crate::rays::walk::emit_photon;
 use crate::records::{LitPoint, SiteLattice};
 use crate::settings::{FinalGather, Settings};
 
-/// Of one pass.
+/// The sites and lit points that one pass of final gathering works with.
 #[derive(Clone, Debug)]
 pub struct FinalPass {
-    /// The sites.
+    /// Which pixels are sites, and how much each gathers.
     pub lattice: SiteLattice,
     /// Shared by all of them. At least one, since no table is empty: the lattice tells how many count.
     pub points: Vec<LitPoint>,

@@ -19,7 +19,7 @@ pub(super) struct Hit {
     pub position: DVec3,
     /// Unit; out of a sphere, along a plane's own normal.
     pub normal: DVec3,
-    /// What was met.
+    /// The surface that the ray met.
     pub surface: SurfaceId,
     /// Index into the scene's materials.
     pub material: usize,

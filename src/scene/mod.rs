@@ -66,7 +66,7 @@ pub struct PointLight {
 pub struct Sphere {
     /// World space, metres.
     pub center: DVec3,
-    /// Metres, > 0.
+    /// From the centre to the surface: metres, more than 0.
     pub radius: f64,
     /// Index into [`Scene::materials`].
     pub material: usize,

@@ -182,7 +182,7 @@ impl<'a> Field<'a> {
             .ok_or_else(|| self.wrong(expected))
     }
 
-    /// A string.
+    /// The value if it is a string, else an error that says what was expected.
     pub fn string(&self, expected: &str) -> Read<&'a str> {
         match self.value.get_ref() {
             DeValue::String(string) => Ok(string),

@@ -5,7 +5,7 @@
 /// What users read of one way.
 #[derive(Clone, Copy, Debug)]
 pub struct Row<T: 'static> {
-    /// The way itself.
+    /// The enum's variant.
     pub value: T,
     /// As users write it, in commands, scene files and JSON.
     pub name: &'static str,
@@ -146,7 +146,7 @@ choices! {
     /// Where the numbers of emission and first bounce come from.
     #[derive(Default)]
     Sampler {
-        /// Roberts' R₄.
+        /// Roberts' R₄ sequence.
         #[default]
         Sequence = "sequence", "A low-discrepancy sequence";
         /// Hashes, as all later bounces take.

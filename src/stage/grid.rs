@@ -24,7 +24,7 @@ type Texel = [f32; 3];
 pub struct Grid {
     /// Form, faces, radius and cell size.
     pub plan: Plan,
-    /// Photons in it.
+    /// How many photons are sorted into it.
     pub count: usize,
     /// [`Plan::gather`].
     pub gather: Buffer<Gather>,
@@ -40,17 +40,17 @@ pub struct Grid {
     nothing: Buffer<Texel>,
 }
 
-/// The tables of a grid.
+/// The photons of a grid, in the order of its cells.
 pub struct Sorted {
-    /// Sorted.
+    /// Scene space, metres.
     pub positions: Buffer<PhotonPosition>,
-    /// Sorted.
+    /// Watts per channel.
     pub powers: Buffer<PhotonPower>,
-    /// Sorted; only where a glossy surface asks.
+    /// Towards where each came from; only where a glossy surface asks.
     pub directions: Option<Buffer<PhotonDirection>>,
-    /// As stored.
+    /// In path order, as they were stored: cells know their face.
     faces: Buffer<f32>,
-    /// Paths emitted.
+    /// How many paths were emitted for these photons.
     emitted: u32,
 }
 
@@ -83,7 +83,7 @@ impl Grid {
         Some([gather, records, (&self.cell_starts).into(), positions, powers, faces, directions])
     }
 
-    /// About the most photons that one query looks at, where the longest_cell cell is known.
+    /// About the most photons that one query looks at, where the longest cell is known.
     pub fn most_candidates(&self) -> Option<u64> {
         let across = cells_within(&self.plan.gather);
         let cells = match self.plan.hashed {
@@ -105,14 +105,14 @@ impl Grid {
     }
 }
 
-/// How a grid is wanted.
+/// What a grid is laid out by.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wanted {
-    /// R, metres.
+    /// The gather radius R, metres.
     pub radius: f32,
     /// How large cells are.
     pub size: CellSize,
-    /// Which form.
+    /// Whether cells fill boxes or are hashed.
     pub form: Form,
     /// k of the k nearest; other methods ignore it.
     pub nearest: u32,
@@ -223,7 +223,7 @@ impl GridStage {
         Ok(&self.grid)
     }
 
-    /// Sorts a photon map into a grid, which takes over its memory. Only the faces' boxes and, on GPUs, the longest_cell cell
+    /// Sorts a photon map into a grid, which takes over its memory. Only the faces' boxes and, on GPUs, the longest cell
     /// are waited for; the queue is in order.
     ///
     /// # Errors

@@ -18,9 +18,9 @@ use crate::records::{Chart, Texel};
 
 /// Makes irradiance texels on one machine and holds the last ones.
 pub enum IrradianceStage {
-    /// Kernels.
+    /// By OpenCL's kernels.
     Device(Box<DeviceIrradiance>),
-    /// The twin.
+    /// By the twin in Rust.
     Host(Box<HostIrradiance>),
 }
 
@@ -53,16 +53,16 @@ pub struct HostIrradiance {
 pub enum IrradianceView<'a> {
     /// In device memory.
     Device {
-        /// The device.
+        /// What the buffers belong to.
         context: &'a Context,
-        /// By object.
+        /// The charts of each object, in the order of objects.
         charts: &'a Buffer<Chart>,
         /// In the order of charts.
         texels: &'a Buffer<Texel>,
     },
     /// In host memory.
     Host {
-        /// By object.
+        /// The charts of each object, in the order of objects.
         charts: &'a [Chart],
         /// In the order of charts.
         texels: &'a [Texel],

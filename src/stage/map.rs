@@ -22,9 +22,9 @@ use crate::settings::Method;
 
 /// Makes photon maps on one machine and holds the last one.
 pub enum MapStage {
-    /// Kernels.
+    /// By OpenCL's kernels.
     Device(Box<DeviceMap>),
-    /// The twins.
+    /// By the twins in Rust.
     Host(Box<HostMap>),
 }
 
@@ -59,24 +59,24 @@ pub struct HostMap {
 pub enum MapView<'a> {
     /// In device memory.
     Device {
-        /// The device.
+        /// What the buffers belong to.
         context: &'a Context,
         /// In path order; none where the grid has taken it over.
         stored: Option<StoredPhotons<'a>>,
         /// In the order of cells.
         grid: &'a Grid,
-        /// The last tiles.
+        /// The tiles that were laid out last, where photons are gathered by them.
         tiles: Option<&'a Tiles>,
     },
     /// In host memory.
     Host {
         /// Form, faces, radius, cell size.
         plan: &'a cells::Plan,
-        /// In path order.
+        /// The photons in path order.
         stored: cpu::grid::PhotonTables<'a>,
         /// In the order of cells.
         grid: &'a cpu::grid::GridTables,
-        /// The last tiles.
+        /// The tiles that were laid out last, where photons are gathered by them.
         tiles: Option<(&'a tiling::Plan, &'a cpu::tiles::TileTables)>,
     },
 }
@@ -84,9 +84,9 @@ pub enum MapView<'a> {
 /// A map in numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct MapCounts {
-    /// Paths emitted.
+    /// How many paths were emitted.
     pub emitted: u64,
-    /// Photons stored.
+    /// How many photons they left on surfaces.
     pub stored: u64,
 }
 
@@ -291,7 +291,7 @@ impl MapStage {
         }
     }
 
-    /// The last map.
+    /// The map that was made last, for the trace stage.
     pub fn view(&self) -> Option<MapView<'_>> {
         match self {
             MapStage::Device(map) => Some(MapView::Device {

@@ -26,11 +26,11 @@ pub struct Paths {
 /// Consecutive paths that a launch walks, in runs of `length`, one run a lane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Range {
-    /// First path.
+    /// The number of the first path.
     pub first: u32,
     /// One past the last path.
     pub end: u32,
-    /// Paths of a run.
+    /// How many paths a lane walks one after the other.
     pub length: u32,
 }
 

@@ -206,7 +206,7 @@ fn whole_texels(mut list: Vec<f32>) -> Vec<f32> {
     list
 }
 
-/// A bound on the photons that one query looks at: the longest_cell cell's, for all cells that its ball can touch.
+/// A bound on the photons that one query looks at: the longest cell's, for all cells that its ball can touch.
 fn most_candidates(plan: &Plan, cell_starts: &[f32], photons: u64) -> u64 {
     let across = cells_across(&plan.gather);
     let longest_cell =

@@ -68,7 +68,7 @@ impl Tiles {
         ]
     }
 
-    /// About the most entries that one query looks at, where the longest_cell cell is known.
+    /// About the most entries that one query looks at, where the longest cell is known.
     pub fn most_candidates(&self) -> Option<u64> {
         let photons = self.plan.gather.photon_count as u64;
         let across = cells_within(&self.plan.gather);

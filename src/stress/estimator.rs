@@ -35,7 +35,7 @@ use crate::stage::trace::{ClTrace, CpuTrace, GlTrace, Permutation, Trace};
 const HALF: f32 = 5.0;
 /// Where the camera stands above it: away from 0, so that coordinates are negative and of different size.
 const CENTER: [f32; 2] = [-3.7, -1.3];
-/// Albedo.
+/// Albedo of the floor.
 const WHITE: f32 = 0.8;
 
 /// One photon map and how it is seen.

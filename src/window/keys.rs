@@ -33,22 +33,22 @@ pub enum Action {
     Record,
     /// Write the panel's edits into the scene file.
     Save,
-    /// The panel.
+    /// Show or hide the panel.
     Panel,
-    /// This list.
+    /// Show or hide the list of keys.
     Help,
-    /// End.
+    /// End the program.
     Quit,
 }
 
-/// A key.
+/// A key of the keyboard and its meaning.
 #[derive(Clone, Debug)]
 pub struct Binding {
     /// The key as F1 shows it.
     pub key: &'static str,
     /// What it does, in words.
     pub does: String,
-    /// What it does.
+    /// What happens when it goes down.
     pub action: Action,
 }
 

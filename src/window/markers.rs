@@ -12,7 +12,7 @@ use crate::scene::Scene;
 use crate::settings::Settings;
 use crate::stage::map::MapView;
 
-/// Which of them.
+/// Which markers are drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Wanted {
     /// Photons as dots of their colour.
@@ -24,7 +24,7 @@ pub struct Wanted {
 }
 
 impl Wanted {
-    /// None of them.
+    /// Whether no marker is drawn at all.
     pub fn is_empty(self) -> bool {
         self == Wanted::default()
     }
@@ -38,14 +38,14 @@ pub type Dot = (DVec3, [f32; 3]);
 pub struct Cell {
     /// Corners of the largest rectangle through its middle, world space.
     pub corners: [DVec3; 4],
-    /// Photons in it.
+    /// How many photons lie in it.
     pub count: f32,
 }
 
 /// Tiles of a picture.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tiling {
-    /// Tiles across.
+    /// How many tiles stand side by side.
     pub across: usize,
     /// A tile's width and height, pixels of the picture.
     pub size: [f32; 2],
@@ -53,7 +53,7 @@ pub struct Tiling {
     pub counts: Vec<f32>,
 }
 
-/// What to draw.
+/// Markers as they are drawn over a picture.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Markers {
     /// Visible photons, a sample of the map.

@@ -43,7 +43,7 @@ pub struct Open {
     // What owns GL objects or contexts goes before the window's context.
     /// The picture, or the left and the right one.
     pub panes: [Option<Pane>; 2],
-    /// Shows pictures.
+    /// Draws finished pictures into the window, tone-mapped.
     pub present: Present,
     /// Shows the panel.
     pub egui: EguiGlow,
@@ -78,7 +78,7 @@ pub struct Open {
     pub screenshot: PathBuf,
     /// As the window has it.
     pub title: String,
-    /// The scene file.
+    /// Notices when the scene file changes.
     pub watch: Watch,
     /// The path that is recorded.
     pub recording: Recording,

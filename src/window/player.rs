@@ -68,7 +68,7 @@ impl Player {
         true
     }
 
-    /// What it took.
+    /// How long the pictures shown so far took, as a replay's result.
     pub fn finish(&self, budget: Option<f64>) -> Replayed {
         self.counting.clone().finish(budget)
     }
@@ -86,7 +86,7 @@ impl Recording {
         Recording { recorder: now.then(|| (Recorder::default(), Instant::now())), path }
     }
 
-    /// It goes on.
+    /// Whether key frames are being recorded.
     pub fn is_on(&self) -> bool {
         self.recorder.is_some()
     }

@@ -54,7 +54,7 @@ pub struct Slow {
     pub frame: usize,
     /// From the request to the picture, ms.
     pub ms: f64,
-    /// Its quality.
+    /// The rung of the ladder of quality that it was made at.
     pub level: String,
     /// Stages of the picture.
     pub times: Times,
@@ -133,7 +133,7 @@ impl Counting {
         self.times.len()
     }
 
-    /// The result.
+    /// What the replay amounts to, against a budget in ms.
     pub fn finish(mut self, budget_ms: Option<f64>) -> Replayed {
         let now = (resident_bytes(), [alive(Kind::OpenGl), alive(Kind::OpenCl)]);
         let then = self.quarter.unwrap_or(now);

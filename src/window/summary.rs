@@ -51,7 +51,7 @@ pub struct Summary {
     pub first_image_ms: Option<f64>,
     /// And to the first one by the backend that was asked for.
     pub first_backend_ms: Option<f64>,
-    /// Pictures shown.
+    /// How many pictures were shown.
     pub frames: u64,
     /// Screenshots and other files written.
     pub written: Vec<PathBuf>,

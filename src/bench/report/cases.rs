@@ -42,7 +42,7 @@ impl Cells {
 /// How a picture is made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Way {
-    /// No photons.
+    /// Direct light only, without photons.
     Direct,
     /// All light by photons, as the report has it, found in its grid.
     Grid,
@@ -67,20 +67,20 @@ impl Way {
 /// One thing that is measured.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
-    /// Its name.
+    /// The scene's name.
     pub scene: String,
-    /// Pixels.
+    /// Width and height of the image, pixels.
     pub size: [u32; 2],
     /// Photons that the report's map stores; with [`Way::Auto`] as many paths are emitted as such a map takes,
     /// or more where its error would be the worse.
     pub photons: Option<u32>,
-    /// What is done.
+    /// How the picture is made.
     pub way: Way,
-    /// Of [`Way::Grid`].
+    /// The grid's cells, with [`Way::Grid`].
     pub grid: Option<Cells>,
-    /// Of [`Way::Tiles`], pixels.
+    /// Width and height of tiles in pixels, with [`Way::Tiles`].
     pub tile: Option<[u32; 2]>,
-    /// Where.
+    /// Which machine makes it.
     pub backend: Backend,
 }
 

@@ -49,7 +49,7 @@ pub struct Memory {
 }
 
 impl Memory {
-    /// Now.
+    /// Bytes held now.
     pub fn held(&self) -> usize {
         self.held.get()
     }

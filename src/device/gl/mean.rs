@@ -252,7 +252,7 @@ impl Drop for Mean {
 }
 
 impl Picture {
-    /// Nothing yet.
+    /// No picture yet: its texture is made by the first one.
     pub fn empty() -> Picture {
         Picture { target: None }
     }

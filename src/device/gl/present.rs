@@ -38,7 +38,7 @@ impl ToneMap {
 pub struct Shown {
     /// The picture, or the left one of two.
     pub left: Texture,
-    /// The right one.
+    /// The right picture of a split view.
     pub right: Option<Texture>,
     /// The difference of both in false colours.
     pub heat: bool,

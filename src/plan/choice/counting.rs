@@ -79,7 +79,7 @@ impl Picture {
 
 /// The sample's first photons by face: any beginning of it is as well spread as the whole.
 struct PhotonsByFace {
-    /// Scene space.
+    /// Positions in scene space, a list for each face.
     faces: Vec<Vec<Vec3>>,
     /// Photons of the map for each of these.
     scale: f64,

@@ -5,9 +5,9 @@ use super::{Counts, TERMS, cost};
 /// What a method took.
 #[derive(Clone, Copy, Debug)]
 pub struct Taken {
-    /// Of [`TERMS`].
+    /// How much of each of [`TERMS`] there was to do.
     pub counts: Counts,
-    /// Milliseconds.
+    /// What it took: building and gathering, milliseconds.
     pub ms: f64,
     /// How many times longer than the best method of the same setting.
     pub over_best: f64,

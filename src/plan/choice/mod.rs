@@ -17,11 +17,11 @@ pub use fit::{Taken, fit, fit_choice};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Class {
-    /// The twin.
+    /// The twins in Rust, on the CPU's threads.
     Cpu,
     /// OpenCL with several lanes a work-item: blocks of pixels walk together.
     OpenClLanes,
-    /// OpenCL with one.
+    /// OpenCL with one lane a work-item, as on GPUs.
     OpenClGpu,
     /// Fragments of a software rasteriser.
     OpenGlSoftware,
@@ -30,7 +30,7 @@ pub enum Class {
 }
 
 impl Class {
-    /// All of them.
+    /// Every class, in the order of the tables that name them.
     pub const ALL: [Class; 5] =
         [Class::Cpu, Class::OpenClLanes, Class::OpenClGpu, Class::OpenGlSoftware, Class::OpenGlGpu];
 
@@ -126,11 +126,11 @@ pub type Counts = [f64; TERMS.len()];
 pub struct Question {
     /// Photons of the map.
     pub stored: u64,
-    /// R, metres.
+    /// The gather radius R, metres.
     pub radius: f32,
     /// Tiles of this size only, pixels.
     pub tile: Option<[u32; 2]>,
-    /// Who asks.
+    /// What kind of device would gather.
     pub class: Class,
 }
 
@@ -147,7 +147,7 @@ pub struct Estimate {
     pub entries: f64,
     /// Building and gathering, milliseconds on the machine where costs were measured: others differ by a factor.
     pub cost: f64,
-    /// Of [`TERMS`], in their order.
+    /// How much of each of [`TERMS`] there is to do, in their order.
     pub counts: Counts,
 }
 

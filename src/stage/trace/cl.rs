@@ -15,7 +15,7 @@ use crate::records::{Frame, Gather, Light, LitPoint, Object, Site, SiteLattice, 
 use crate::stage::irradiance::IrradianceView;
 use crate::stage::map::MapView;
 
-/// Kernels alone.
+/// Traces and gathers by OpenCL's kernels; the film is a buffer.
 pub struct ClTrace {
     context: Rc<Context>,
     objects: Option<Buffer<Object>>,
