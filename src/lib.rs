@@ -44,4 +44,5 @@ pub mod records;
 pub mod error;
 
 pub mod scene;
+
 pub mod settings;

@@ -99,7 +99,7 @@ pub struct Gather {
     /// How photons are found.
     pub method: Method,
     /// How they are weighed.
-    pub kernel: DensityKernel,
+    pub density_kernel: DensityKernel,
     /// R, metres; `None`: chosen from the scene and the number of photons.
     pub radius: Option<f32>,
     /// k of the k nearest.
@@ -109,14 +109,14 @@ pub struct Gather {
     /// Whether cells fill boxes or are hashed.
     pub form: GridForm,
     /// Cells on a lattice of the user's, which comes before `cells`; `None`: they begin where photons do.
-    pub lattice: Option<Lattice>,
+    pub lattice: Option<CellLattice>,
     /// Width and height of tiles, pixels; `None`: [`crate::plan::tiling::TILE`].
     pub tile: Option<[u32; 2]>,
 }
 
 /// Cells that fill space from a corner on, in all directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Lattice {
+pub struct CellLattice {
     /// A corner of some cell, world space, metres.
     pub corner: [f64; 3],
     /// Along x, y, z; metres.
@@ -136,7 +136,7 @@ impl Default for Settings {
             photons: Photons { amount: Amount::Paths(200_000), pass: 0, sampler: Sampler::default() },
             gather: Gather {
                 method: Method::Auto,
-                kernel: DensityKernel::default(),
+                density_kernel: DensityKernel::default(),
                 radius: None,
                 nearest: 50,
                 cells: None,

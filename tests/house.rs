@@ -17,7 +17,7 @@ fn sources() -> Sources {
                 visit(&path, &[module, &[name]].concat(), found);
             } else if path.extension().is_some_and(|e| e == "rs") {
                 let is_face = ["mod", "lib", "main"].contains(&name.as_str());
-                let module = if is_face { module.to_vec() } else { [module, &[name.clone()]].concat() };
+                let module = if is_face { module.to_vec() } else { [module, std::slice::from_ref(&name)].concat() };
                 if name != "main" {
                     found.insert(module, fs::read_to_string(&path).expect("UTF-8"));
                 }

@@ -186,7 +186,7 @@ impl RenderOptions {
             },
             gather: Gather {
                 method: self.gather.or(scene.render.gather).unwrap_or(default.gather.method),
-                kernel: self.kernel.unwrap_or_default(),
+                density_kernel: self.kernel.unwrap_or_default(),
                 radius: self.radius.or(scene.render.radius.map(|r| r as f32)),
                 nearest: self.k,
                 cells,

@@ -187,7 +187,7 @@ pub fn photon_radiance(scene: &SceneTables, map: &PhotonMap, surface: &Surface, 
         return Vec3::ZERO;
     }
     let face = 2 * surface.object + usize::from(surface.side < 0.0);
-    let kernel = map.gathering.kernel;
+    let kernel = map.gathering.density_kernel;
     let mut inverse_radius = map.plan.gather.inverse_radius;
     let stored = map.gathering.method.reads_stored();
 

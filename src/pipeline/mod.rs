@@ -28,7 +28,7 @@ use crate::records::Frame;
 use crate::records::packing::Packed;
 use crate::scene::Scene;
 use crate::settings::{
-    Amount, Backend, FinalGather, Gather, GridForm, Lattice, LightMode, Method, Settings, Technique,
+    Amount, Backend, CellLattice, FinalGather, Gather, GridForm, LightMode, Method, Settings, Technique,
 };
 use crate::stage::grid::Wanted;
 use crate::stage::irradiance::{IrradianceStage, IrradianceView};
@@ -365,7 +365,7 @@ impl Pipeline {
             }
             gathering = Some(Gathering {
                 method: chosen.method,
-                kernel: settings.gather.kernel,
+                density_kernel: settings.gather.density_kernel,
                 hashed: chosen.hashed,
                 ..Gathering::of(&packed.objects, packed.sphere_count, is_divided(scene))
             });
@@ -600,7 +600,7 @@ const TWO_COPIES: usize = 32_000_000;
 /// The grid that these settings ask for, with cells of a `usual` size where they ask for none.
 fn grid_wanted(settings: &Settings, radius: f32, usual: CellSize, origin: DVec3) -> Wanted {
     let size = match (settings.gather.lattice, settings.gather.cells) {
-        (Some(Lattice { corner, cell }), _) => {
+        (Some(CellLattice { corner, cell }), _) => {
             CellSize::Lattice { corner: (DVec3::from(corner) - origin).as_vec3().to_array(), cell }
         }
         (None, Some(counts)) => CellSize::Counts(counts),

@@ -10,7 +10,7 @@ use winit::window::WindowId;
 use super::open::{Open, Wake};
 use super::player::Player;
 use super::summary::{Options, Summary};
-use crate::device::live_objects::{Kind, alive};
+use crate::device::live_objects::{Api, alive};
 use crate::error::{Error, Result};
 
 /// Opens the window and runs it until it is closed. `started` is when the program did.
@@ -31,7 +31,7 @@ pub fn run(options: Options, started: Instant) -> Result<Summary> {
     };
     events.run_app(&mut app).map_err(|error| Error::Driver(format!("window: {error}")))?;
     let App { failed, mut summary, .. } = app;
-    (summary.gl_objects_left, summary.cl_objects_left) = (alive(Kind::OpenGl), alive(Kind::OpenCl));
+    (summary.gl_objects_left, summary.cl_objects_left) = (alive(Api::OpenGl), alive(Api::OpenCl));
     match failed {
         Some(error) => Err(error),
         None => Ok(summary),

@@ -14,7 +14,7 @@ use crate::stage::map::MapView;
 
 /// Which markers are drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Wanted {
+pub struct ShownMarkers {
     /// Photons as dots of their colour.
     pub photons: bool,
     /// Cells of the grid that hold photons.
@@ -23,10 +23,10 @@ pub struct Wanted {
     pub tiles: bool,
 }
 
-impl Wanted {
+impl ShownMarkers {
     /// Whether no marker is drawn at all.
     pub fn is_empty(self) -> bool {
-        self == Wanted::default()
+        self == ShownMarkers::default()
     }
 }
 
@@ -74,7 +74,7 @@ impl Markers {
     ///
     /// # Errors
     /// [`crate::error::Error::Device`] when the transfer fails.
-    pub fn collect(pipeline: &Pipeline, scene: &Scene, settings: &Settings, wanted: &Wanted) -> Result<Markers> {
+    pub fn collect(pipeline: &Pipeline, scene: &Scene, settings: &Settings, wanted: &ShownMarkers) -> Result<Markers> {
         let Some((map, packed)) = pipeline.map() else { return Ok(Markers::default()) };
         let mut markers = Markers::default();
         let visible = {

@@ -16,7 +16,7 @@ use super::exchange::{News, Terms};
 use super::history::History;
 use super::input::Input;
 use super::job::{Goal, Job};
-use super::markers::Wanted;
+use super::markers::ShownMarkers;
 use super::pane::Pane;
 use super::panel;
 use super::player::{Player, Recording};
@@ -61,7 +61,7 @@ pub struct Open {
     pub history: History,
     /// What was asked of each pane last.
     pub asked: [Option<(Request, Goal)>; 2],
-    markers_asked: Wanted,
+    markers_asked: ShownMarkers,
     /// Where the picture is, points.
     pub area: egui::Rect,
     moved: Instant,
@@ -157,7 +157,7 @@ impl Open {
             modifiers: ModifiersState::empty(),
             history: History::default(),
             asked: [None, None],
-            markers_asked: Wanted::default(),
+            markers_asked: ShownMarkers::default(),
             area: egui::Rect::NOTHING,
             moved: now,
             ticked: now,

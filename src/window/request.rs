@@ -30,7 +30,7 @@ pub struct Key {
     backend: Backend,
     features: Features,
     method: Method,
-    kernel: DensityKernel,
+    density_kernel: DensityKernel,
     light: LightMode,
     gathering: Gathering,
 }
@@ -58,7 +58,7 @@ impl Request {
             backend: self.backend,
             features: Features::of(&self.scene, &self.settings),
             method: self.settings.gather.method,
-            kernel: self.settings.gather.kernel,
+            density_kernel: self.settings.gather.density_kernel,
             light: self.settings.light,
             gathering: Gathering::of(&packed.objects, packed.sphere_count, is_divided(&self.scene)),
         }

@@ -49,7 +49,7 @@ pub struct State {
     /// From radiance to display.
     pub tone_map: ToneMap,
     /// Drawn over the picture.
-    pub markers: markers::Wanted,
+    pub markers: markers::ShownMarkers,
     /// No refining.
     pub paused: bool,
     /// Passes until converged.
@@ -105,7 +105,7 @@ impl State {
             divider: 0.5,
             heat: false,
             tone_map: ToneMap::default(),
-            markers: markers::Wanted::default(),
+            markers: markers::ShownMarkers::default(),
             paused: false,
             passes: 256,
             wish,
@@ -243,12 +243,12 @@ fn next<T: Copy + PartialEq>(now: T, all: &[T]) -> T {
     all[(at + 1) % all.len()]
 }
 
-fn next_markers(now: markers::Wanted) -> markers::Wanted {
-    let none = markers::Wanted::default();
+fn next_markers(now: markers::ShownMarkers) -> markers::ShownMarkers {
+    let none = markers::ShownMarkers::default();
     match (now.photons, now.cells, now.tiles) {
-        (false, false, false) => markers::Wanted { photons: true, ..none },
-        (true, false, false) => markers::Wanted { cells: true, ..none },
-        (false, true, false) => markers::Wanted { tiles: true, ..none },
+        (false, false, false) => markers::ShownMarkers { photons: true, ..none },
+        (true, false, false) => markers::ShownMarkers { cells: true, ..none },
+        (false, true, false) => markers::ShownMarkers { tiles: true, ..none },
         _ => none,
     }
 }

@@ -175,8 +175,13 @@ fn grids_of_both_forms_equal_brute_force_on_every_lane_width() {
     let map = room_photons(3000, 11);
     for radius in [0.15, 1.0] {
         for kernel in DensityKernel::ALL {
-            let gathering =
-                Gathering { kernel, clip: true, both_sides: true, footprints: true, ..Gathering::default() };
+            let gathering = Gathering {
+                density_kernel: kernel,
+                clip: true,
+                both_sides: true,
+                footprints: true,
+                ..Gathering::default()
+            };
             let truth = by_twin(&map, &Wanted::radius(radius), Gathering { method: Method::Brute, ..gathering });
             for form in [Form::Dense, Form::Hashed(Some(32))] {
                 let wanted = Wanted { form, ..Wanted::radius(radius) };
@@ -213,7 +218,8 @@ fn device_and_twin_gather_the_same() {
         (Method::Knn, DensityKernel::Biweight, true),
         (Method::Brute, DensityKernel::Cone, true),
     ] {
-        let gathering = Gathering { method, kernel, clip: true, both_sides, footprints: both_sides, hashed: false };
+        let gathering =
+            Gathering { method, density_kernel: kernel, clip: true, both_sides, footprints: both_sides, hashed: false };
         let wanted = Wanted { nearest: 12, ..Wanted::radius(0.8) };
         let twin = by_twin(&map, &wanted, gathering);
         let found = on_device(&context, &mut stage, &map, &wanted, gathering, context.device.lanes);
@@ -250,10 +256,11 @@ fn share_of_truth_in_corners(gathering: Gathering) -> f32 {
 #[test]
 fn corners_are_as_bright_as_walls() {
     for kernel in DensityKernel::ALL {
-        let clipped = share_of_truth_in_corners(Gathering { kernel, clip: true, ..Gathering::default() });
+        let clipped =
+            share_of_truth_in_corners(Gathering { density_kernel: kernel, clip: true, ..Gathering::default() });
         // Eight corners with some 120 photons within R of each, all queries of a corner sharing them: 3 %.
         assert!((clipped - 1.0).abs() < 0.1, "{kernel:?}: {clipped}");
-        let open = share_of_truth_in_corners(Gathering { kernel, ..Gathering::default() });
+        let open = share_of_truth_in_corners(Gathering { density_kernel: kernel, ..Gathering::default() });
         assert!(open < 0.6, "without clipping corners must be dark, {kernel:?}: {open}");
     }
 }
@@ -294,7 +301,7 @@ fn every_kernel_is_the_twins_in_both_languages() {
     let headless = Headless::new().expect("an OpenGL driver");
     let mut stage = GridStage::new(&context).unwrap();
     let (map, wanted) = (room_photons(3000, 16), Wanted::radius(0.8));
-    let gathering = |kernel| Gathering { kernel, clip: true, ..Gathering::default() };
+    let gathering = |kernel| Gathering { density_kernel: kernel, clip: true, ..Gathering::default() };
     let twins = DensityKernel::ALL.map(|kernel| by_twin(&map, &wanted, gathering(kernel)));
     for (number, kernel) in DensityKernel::ALL.into_iter().enumerate() {
         let cl = on_device(&context, &mut stage, &map, &wanted, gathering(kernel), context.device.lanes);
@@ -433,7 +440,7 @@ fn an_even_sphere_is_as_bright_in_discs_of_every_size() {
             // fade, fewer by the root of n. And rounded sums.
             let exponent = if kernel == DensityKernel::Constant { -0.75 } else { -1.25 };
             let tolerance = 2.5 * within.powf(exponent) + 5e-6;
-            let gathering = Gathering { kernel, hashed: plan.hashed, ..Gathering::default() };
+            let gathering = Gathering { density_kernel: kernel, hashed: plan.hashed, ..Gathering::default() };
             let seen = in_grid(&map, &gathering, &plan, &tables);
             let mut random = Random::new(20);
             for number in 0..20 {

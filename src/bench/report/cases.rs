@@ -1,6 +1,6 @@
 //! What the suite measures: the report's settings, and Photile's own choice beside them.
 
-use crate::settings::{Backend, Gather, Lattice, LightMode, Method, Settings};
+use crate::settings::{Backend, CellLattice, Gather, LightMode, Method, Settings};
 
 /// The report's radius, metres.
 pub const RADIUS: f32 = 1.0;
@@ -34,8 +34,8 @@ impl Cells {
 
     /// How the grid is asked for them. Where photons lie outside the box, as on a plane that never ends, they have cells
     /// like those in it: none is lost.
-    fn lattice(self) -> Lattice {
-        Lattice { corner: CORNER, cell: [self.0; 3] }
+    fn lattice(self) -> CellLattice {
+        CellLattice { corner: CORNER, cell: [self.0; 3] }
     }
 }
 
@@ -161,7 +161,7 @@ mod tests {
     fn cells_have_the_reports_names() {
         let names = SWEPT_CELLS.map(Cells::name);
         assert_eq!(names, ["15x10x10", "30x20x20", "60x40x40", "120x80x80"]);
-        assert_eq!(CELLS.lattice(), Lattice { corner: [-10.0, -10.0, -20.0], cell: [0.5; 3] });
+        assert_eq!(CELLS.lattice(), CellLattice { corner: [-10.0, -10.0, -20.0], cell: [0.5; 3] });
     }
 
     #[test]

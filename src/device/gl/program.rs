@@ -3,7 +3,7 @@
 use glow::HasContext;
 
 use super::Functions;
-use crate::device::live_objects::{Counted, Kind};
+use crate::device::live_objects::{Api, Counted};
 use crate::error::{Error, Result};
 use crate::program::source::{Options, Source, assemble};
 use crate::records::Record;
@@ -33,7 +33,7 @@ impl Program {
             };
             let out_of_memory = |what| Error::Device(format!("OpenGL: {what}"));
             let handle = gl.create_program().map_err(out_of_memory)?;
-            let program = Program { gl: gl.clone(), handle, _counted: Counted::new(Kind::OpenGl) };
+            let program = Program { gl: gl.clone(), handle, _counted: Counted::new(Api::OpenGl) };
             for (kind, source) in [(glow::VERTEX_SHADER, &vertex), (glow::FRAGMENT_SHADER, fragment)] {
                 let shader = gl.create_shader(kind).map_err(out_of_memory)?;
                 gl.shader_source(shader, &source.text);
