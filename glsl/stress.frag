@@ -4,7 +4,8 @@
 #include "shared/vector.glsl"
 #include "shared/random.glsl"
 #include "shared/sampling.glsl"
-#include "shared/intersect.glsl"
+#include "shared/surface.glsl"
+#include "shapes"
 #include "shared/faults.glsl"
 #include "shared/scene.glsl"
 TABLE(cases)

@@ -5,8 +5,13 @@
 #if LANES > 1
 #define FEW_RECORDS 24
 
-#define RECORDS_objects (SPHERE_COUNT + PLANE_COUNT)
-#define RECORDS_charts RECORDS_objects
+#define RECORDS_shapes SHAPE_COUNT
+#ifdef SHARED_MATERIALS
+#define RECORDS_materials (FEW_RECORDS + 1) // as many as there are: more than a few
+#else
+#define RECORDS_materials SHAPE_COUNT
+#endif
+#define RECORDS_charts RECORDS_shapes
 #define RECORDS_texels (FEW_RECORDS + 1) // always more than a few
 #define RECORDS_emitters count_of(frame_light_count())
 

@@ -289,6 +289,6 @@ void store_run(__global float *table, int first, int end, Vec3 v) {
 #define PHOTONS
 #endif
 #define CHART_PARAMS __global const float *charts,
-#define SCENE_PARAMS __global const float *frame, __global const float *objects, __global const float *lights, \
+#define SCENE_PARAMS __global const float *frame, __global const float *shapes, __global const float *materials, __global const float *lights, \
     PHOTON_PARAMS
-#define SCENE frame, objects, lights, PHOTONS
+#define SCENE frame, shapes, materials, lights, PHOTONS

@@ -11,7 +11,8 @@
 #endif
 #include "shared/vector.glsl"
 #include "shared/sampling.glsl"
-#include "shared/intersect.glsl"
+#include "shared/surface.glsl"
+#include "shapes"
 #ifdef CONTRACTED
 #define hit_plane(origin, direction, normal, offset, on) nudge(hit_plane(origin, direction, normal, offset, on))
 #endif

@@ -6,12 +6,13 @@
 #include "shared/vector.glsl"
 #include "shared/random.glsl"
 #include "shared/camera.glsl"
-#include "shared/intersect.glsl"
+#include "shared/surface.glsl"
+#include "shapes"
 #include "shared/scene.glsl"
 #include "shared/cell.glsl"
 #include "shared/tile.glsl"
 
-#ifdef HAS_OBJECTS
+#ifdef HAS_SHAPES
 // Floats of a strip's slot: face, lowest x, y, z, highest x, y, z.
 #define SLOT 7
 
@@ -47,13 +48,13 @@ __kernel void tiles_seen(SCENE_PARAMS __global float *seen, __global uint *count
             for (int s = 0; s < samples; s++) {
                 Vec3 direction = sample_direction(SCENE column, row, s);
                 Hit hit = closest_hit(SCENE frame_position(), direction, lanes_i(NO_FACE));
-                Bool waiting = inside && hit.object >= 0;
-                hit.object = pick_i(waiting, hit.object, 0);
+                Bool waiting = inside && hit.shape >= 0;
+                hit.shape = pick_i(waiting, hit.shape, 0);
                 hit.t = pick(waiting, hit.t, 0.0f);
                 Surface surface = surface_at(SCENE frame_position(), direction, hit);
                 Vec3 p = surface.position;
                 // As photon_radiance: these gather nothing.
-                waiting = waiting && fabs(p.x) + fabs(p.y) + fabs(p.z) < 1e15f && scatters(SCENE hit.object);
+                waiting = waiting && fabs(p.x) + fabs(p.y) + fabs(p.z) < 1e15f && scatters(SCENE hit.shape);
                 Int face = face_left(surface);
                 while (any_lane(waiting)) {
                     int chosen = highest_i(waiting, face);

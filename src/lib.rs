@@ -46,3 +46,5 @@ pub mod error;
 pub mod scene;
 
 pub mod settings;
+
+pub mod kinds;

@@ -17,11 +17,11 @@ INLINE Incident incident_light(SCENE_PARAMS Surface surface, int light) {
     Incident incident;
     incident.to_light = scale3(towards, 1.0f / distance);
     incident.cosine = dot3(surface.normal, incident.to_light);
-    incident.lit = incident.cosine > 0.0f && surface.object >= 0;
+    incident.lit = incident.cosine > 0.0f && surface.shape >= 0;
 #ifdef HAS_SHADOWS
     if (any_lane(incident.lit))
         incident.lit = incident.lit && !occluded(SCENE surface.position, light_position_same(light), incident.to_light,
-                                                distance, face_left(surface), NO_OBJECT);
+                                                distance, face_left(surface), NO_SHAPE);
 #endif
     incident.irradiance = scale3(light_intensity_same(light), incident.cosine / distance2);
     return incident;
@@ -32,11 +32,11 @@ INLINE Incident incident_light(SCENE_PARAMS Surface surface, int light) {
 Vec3 direct_light(SCENE_PARAMS Surface surface, Vec3 to_viewer) {
     Vec3 sum = make3(lanes(0.0f), lanes(0.0f), lanes(0.0f));
 #ifdef HAS_LIGHTS
-    Vec3 diffuse = scale3(object_color(surface.object), object_diffuse(surface.object) * INV_PI);
+    Vec3 diffuse = scale3(material_color(MATERIAL_OF(surface.shape)), material_diffuse(MATERIAL_OF(surface.shape)) * INV_PI);
 #ifdef HAS_GLOSSY
-    Real specular = object_specular(surface.object);
+    Real specular = material_specular(MATERIAL_OF(surface.shape));
     // Surfaces without a lobe have α = 0: any other value keeps the unused lobe finite.
-    Real alpha = pick(specular > 0.0f, object_roughness(surface.object), 1.0f);
+    Real alpha = pick(specular > 0.0f, material_roughness(MATERIAL_OF(surface.shape)), 1.0f);
     Real cos_o = dot3(surface.normal, to_viewer);
 #endif
     for (int i = 0; i < LIGHT_COUNT; i++) {

@@ -30,17 +30,16 @@ INLINE Vec3 from_lit_points(SCENE_PARAMS Surface to, Bool wanted, float fewer) {
     int i = 0;
     if (points > 0) do { // as in gather.glsl, so that no round is for nothing
         Vec3 position = lit_point_position_same(i);
-        int object = count_of(lit_point_object_scalar(i));
+        int shape = count_of(lit_point_shape_scalar(i));
         Vec3 towards = sub3(position, to.position);
         Real distance2 = dot3(towards, towards);
         Real distance = sqrt(distance2);
         Vec3 direction = scale3(towards, 1.0f / distance);
         Real cosine = dot3(to.normal, direction);
         Real cosine_there = 0.0f - dot3(lit_point_normal_same(i), direction);
-        // A plane does not see itself, whatever rounding says.
-        Bool lit = wanted && cosine > 0.0f && cosine_there > 0.0f && (to.object != object || object < SPHERE_COUNT);
+        Bool lit = wanted && cosine > 0.0f && cosine_there > 0.0f && (to.shape != shape || sees_itself(SCENE shape));
 #ifdef HAS_SHADOWS
-        if (any_lane(lit)) lit = lit && !occluded(SCENE to.position, position, direction, distance, face_left(to), object);
+        if (any_lane(lit)) lit = lit && !occluded(SCENE to.position, position, direction, distance, face_left(to), shape);
 #endif
         Real facing = cosine * cosine_there * INV_PI;
         Real density = lit_point_density_same(i) * fewer;
@@ -66,9 +65,9 @@ INLINE Vec3 final_gather(SCENE_PARAMS Surface from, Bool wanted, Uint key, int r
         Uint turn = sequence_u(index, R2_STEP_1, turn_shift);
         Vec3 direction = sample_cosine(from.normal, height, turn);
         Hit hit = closest_hit(SCENE from.position, direction, face_left(from));
-        Bool visible = hit.object >= 0 && wanted;
+        Bool visible = hit.shape >= 0 && wanted;
         if (any_lane(visible)) {
-            hit.object = pick_i(visible, hit.object, 0);
+            hit.shape = pick_i(visible, hit.shape, 0);
             hit.t = pick(visible, hit.t, 0.0f);
             Surface seen = surface_at(SCENE from.position, direction, hit);
             Vec3 irradiance = texel_irradiance(texel_of(SCENE seen));
@@ -82,7 +81,7 @@ INLINE Vec3 final_gather(SCENE_PARAMS Surface from, Bool wanted, Uint key, int r
                 irradiance = add3(irradiance, pick3(incident.lit, direct, make3(lanes(0.0f), lanes(0.0f), lanes(0.0f))));
             }
 #endif
-            Vec3 radiance = mul3(scale3(object_color(seen.object), object_diffuse(seen.object) * INV_PI), irradiance);
+            Vec3 radiance = mul3(scale3(material_color(MATERIAL_OF(seen.shape)), material_diffuse(MATERIAL_OF(seen.shape)) * INV_PI), irradiance);
             sum = add3(sum, pick3(visible, radiance, make3(lanes(0.0f), lanes(0.0f), lanes(0.0f))));
         }
         ray++;
@@ -90,10 +89,8 @@ INLINE Vec3 final_gather(SCENE_PARAMS Surface from, Bool wanted, Uint key, int r
     return add3(scale3(sum, lanes(PI / float_of(rays))), from_lit_points(SCENE from, wanted, fewer));
 }
 
-// Which side of which object: sites of other faces do not count.
-INLINE Real face_of(Surface surface) {
-    return to_real(face_left(surface));
-}
+// As sites and photons keep it: what lies on other faces does not count.
+INLINE Real face_of(Surface surface) { return to_real(face_left(surface)); }
 
 // Where a site of the lattice lies on the image plane, in pixels. One column and row lie beyond each border.
 INLINE Real site_x(SCENE_PARAMS Int column) { return (to_real(column) - 1.0f) * lattice_spacing() + lattice_offset_x(); }
@@ -109,19 +106,14 @@ INLINE Real site_y(SCENE_PARAMS Int row) { return (to_real(row) - 1.0f) * lattic
 // rays, whose noise would choose among sites by what they gathered.
 INLINE Real clearance(SCENE_PARAMS Surface surface) {
     Real least = lanes(INFINITE);
-#ifdef HAS_SPHERES
-    for (int i = 0; i < SPHERE_COUNT; i++) {
-        Vec3 from_center = sub3(surface.position, object_anchor_same(i));
-        Real distance = fabs(sqrt(dot3(from_center, from_center)) - object_extent_same(i));
-        least = pick(surface.object == i, least, min(least, distance));
+#each shape
+#ifdef HAS_KINDS
+    for (int i = FIRST_KIND; i < END_KIND; i++) {
+        Real distance = kind_distance(SCENE i, surface.position);
+        least = pick(surface.shape == i, least, min(least, distance));
     }
 #endif
-#ifdef HAS_PLANES
-    for (int i = SPHERE_COUNT; i < SPHERE_COUNT + PLANE_COUNT; i++) {
-        Real distance = fabs(dot3(object_anchor_same(i), surface.position) - object_extent_same(i));
-        least = pick(surface.object == i, least, min(least, distance));
-    }
-#endif
+#end each
     return least;
 }
 
@@ -138,16 +130,17 @@ INLINE Blend blend_site(SCENE_PARAMS Blend sum, Int column, Int row, Real weight
     Vec3 position = add3(frame_position(), scale3(towards, site_surface_distance(site)));
     Vec3 apart = sub3(position, surface.position);
     weight = weight * max(1.0f - sqrt(dot3(apart, apart)) * inverse_clearance, lanes(0.0f));
-#ifdef HAS_SPHERES
-    // Irradiance turns with the normal: full weight to none over 18 degrees, the chord of 0.316 radii.
-    Real radius = object_extent(surface.object) * lattice_reach();
-    Real turned = dot3(apart, apart) / (radius * radius);
-    Real near = max(1.0f - 10.0f * turned, lanes(0.0f));
-#ifdef HAS_PLANES
-    near = pick(surface.object < SPHERE_COUNT, near, 1.0f);
+    Real likeness = lanes(1.0f);
+#each shape
+#ifdef HAS_KINDS
+#ifdef KIND_COMES_FIRST
+    likeness = kind_likeness(SCENE surface.shape, apart);
+#else
+    likeness = pick(IS_KIND(surface.shape), kind_likeness(SCENE surface.shape, apart), likeness);
 #endif
-    weight = weight * near;
 #endif
+#end each
+    weight = weight * likeness;
     weight = pick(site_surface_face(site) == face_of(surface), weight, 0.0f);
     sum.irradiance = add3(sum.irradiance, scale3(site_irradiance(site), weight));
     sum.weight = sum.weight + weight;

@@ -65,14 +65,7 @@ Gathered add_gathered(Gathered sum, Gathered part) {
 // Whether a plane lies between the point and a photon: that photon lights another room's part of the surface.
 Bool walled_off(SCENE_PARAMS Vec3 point, Vec3 photon) {
     Bool off = NO_LANE;
-    int first = SPHERE_COUNT;
-    int end = first + PLANE_COUNT;
-    for (int i = first; i < end; i++) {
-        Vec3 normal = object_anchor_same(i);
-        Real extent = object_extent_same(i);
-        // Photons of the very edge count for both sides.
-        off = off || (extent - dot3(normal, point)) * (extent - dot3(normal, photon)) < 0.0f;
-    }
+    for (int i = FIRST_PLANE; i < END_PLANE; i++) off = off || plane_parts(SCENE i, point, photon);
     return off;
 }
 #endif
@@ -123,7 +116,7 @@ Gathered add_photon(SCENE_PARAMS Gathered sum, int i, Real weight, Vec3 position
 #define AREA_BASE(i) region_base_scalar(i)
 #define AREA_CELL(i) region_cell_scalar(i)
 #define AREA_INVERSE_CELL(i) region_inverse_cell_scalar(i)
-#define AREA_OBJECT(i) (count_of(region_face_scalar(i)) / 2)
+#define AREA_SHAPE(i) (count_of(region_face_scalar(i)) / 2)
 #define AREA_BY_ROWS 0.0f
 #define PHOTON_AT(place) count_of(tile_photon(place))
 #else
@@ -134,7 +127,7 @@ Gathered add_photon(SCENE_PARAMS Gathered sum, int i, Real weight, Vec3 position
 #define AREA_TABLE(i) face_table_scalar(i)
 #define AREA_CELL(i) gather_cell_scalar()
 #define AREA_INVERSE_CELL(i) gather_inverse_cell_scalar()
-#define AREA_OBJECT(i) ((i) / 2)
+#define AREA_SHAPE(i) ((i) / 2)
 #define AREA_BY_ROWS gather_by_rows()
 #define PHOTON_AT(place) (place)
 #endif
@@ -235,10 +228,10 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
 #endif
     // Rows of cells which the surface does not pass through are left out, where there are such: a box filled with cells
     // has none where the surface lies along its axes.
-    int object = AREA_OBJECT(face);
-    bool is_sphere = object < SPHERE_COUNT;
-    Float3 anchor = grid_axes(object_anchor_scalar(object), flipped);
-    float extent = object_extent_scalar(object) - (is_sphere ? 0.0f : dot(anchor, origin));
+    int shape = AREA_SHAPE(face);
+    bool is_sphere = IS_SPHERE(shape);
+    Float3 anchor = grid_axes(shape_anchor_scalar(shape), flipped);
+    float extent = shape_extent_scalar(shape) - (is_sphere ? 0.0f : dot(anchor, origin));
     if (is_sphere) anchor = anchor - origin;
     float slack = reach - gather_radius();
 #ifdef GRID_HASHED
@@ -501,9 +494,9 @@ Vec3 photon_radiance(SCENE_PARAMS Surface surface, Vec3 to_viewer, Bool wanted, 
     query.surface = surface;
     query.to_viewer = to_viewer;
 #ifdef HAS_GLOSSY
-    Real specular = object_specular(surface.object);
+    Real specular = material_specular(MATERIAL_OF(surface.shape));
     // Surfaces without a lobe have α = 0: any other value keeps the unused lobe finite.
-    query.alpha = pick(specular > 0.0f, object_roughness(surface.object), 1.0f);
+    query.alpha = pick(specular > 0.0f, material_roughness(MATERIAL_OF(surface.shape)), 1.0f);
 #else
     query.alpha = lanes(1.0f);
 #endif
@@ -512,7 +505,7 @@ Vec3 photon_radiance(SCENE_PARAMS Surface surface, Vec3 to_viewer, Bool wanted, 
     // Beyond any photon, where squares would overflow.
     wanted = wanted && fabs(p.x) + fabs(p.y) + fabs(p.z) < 1e15f;
 #ifdef GATHER_TILES
-    wanted = wanted && scatters(SCENE surface.object);
+    wanted = wanted && scatters(SCENE surface.shape);
 #endif
     Gathered sum = gather_photons(SCENE query, face, wanted, tile);
 #ifdef GATHER_KNN
@@ -524,7 +517,7 @@ Vec3 photon_radiance(SCENE_PARAMS Surface surface, Vec3 to_viewer, Bool wanted, 
 #ifdef HAS_CLIP
     scale = scale / visible_part(SCENE surface, inverse_radius);
 #endif
-    Vec3 radiance = mul3(object_color(surface.object), scale3(sum.flux, object_diffuse(surface.object) * INV_PI));
+    Vec3 radiance = mul3(material_color(MATERIAL_OF(surface.shape)), scale3(sum.flux, material_diffuse(MATERIAL_OF(surface.shape)) * INV_PI));
 #ifdef HAS_GLOSSY
     radiance = add3(radiance, scale3(sum.glint, specular));
 #endif

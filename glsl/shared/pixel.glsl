@@ -5,9 +5,9 @@ Vec3 radiance_along(SCENE_PARAMS Sample at, Int tile) {
     Vec3 origin = frame_position();
     Vec3 direction = camera_direction(SCENE at.x, at.y);
     Vec3 radiance = make3(lanes(0.0f), lanes(0.0f), lanes(0.0f));
-#ifdef HAS_OBJECTS
+#ifdef HAS_SHAPES
     Hit hit = closest_hit(SCENE origin, direction, lanes_i(NO_FACE));
-    Bool visible = hit.object >= 0;
+    Bool visible = hit.shape >= 0;
 #ifdef GATHER_GROUP
     // A group's work-items come to its barriers together.
     {
@@ -15,7 +15,7 @@ Vec3 radiance_along(SCENE_PARAMS Sample at, Int tile) {
     if (any_lane(visible)) {
 #endif
         // A lane that saw nothing shades object 0 and is dropped below.
-        hit.object = pick_i(visible, hit.object, 0);
+        hit.shape = pick_i(visible, hit.shape, 0);
         hit.t = pick(visible, hit.t, 0.0f);
         Surface surface = surface_at(SCENE origin, direction, hit);
 #ifdef SLICED
@@ -27,14 +27,14 @@ Vec3 radiance_along(SCENE_PARAMS Sample at, Int tile) {
         radiance = add3(radiance, photon_radiance(SCENE surface, negate3(direction), visible, tile));
 #endif
 #ifdef HAS_FINAL_GATHER
-        Vec3 diffuse = scale3(object_color(hit.object), object_diffuse(hit.object) * INV_PI);
+        Vec3 diffuse = scale3(material_color(MATERIAL_OF(hit.shape)), material_diffuse(MATERIAL_OF(hit.shape)) * INV_PI);
         radiance = add3(radiance, mul3(diffuse, indirect_irradiance(SCENE surface, visible, at.x, at.y, at.key)));
 #endif
 #ifdef HAS_AMBIENT
 #ifdef SLICED
         if (SLICE == 0)
 #endif
-        radiance = add3(radiance, scale3(object_color(hit.object), object_ambient(hit.object)));
+        radiance = add3(radiance, scale3(material_color(MATERIAL_OF(hit.shape)), material_ambient(MATERIAL_OF(hit.shape))));
 #endif
         radiance = pick3(visible, radiance, make3(lanes(0.0f), lanes(0.0f), lanes(0.0f)));
     }

@@ -13,12 +13,12 @@ INLINE GatheredSite gather_site(SCENE_PARAMS Int number) {
     Vec3 direction = camera_direction(SCENE site_x(SCENE column), site_y(SCENE row));
     Vec3 origin = frame_position();
     Hit hit = closest_hit(SCENE origin, direction, lanes_i(NO_FACE));
-    Bool visible = hit.object >= 0;
-    hit.object = pick_i(visible, hit.object, 0);
+    Bool visible = hit.shape >= 0;
+    hit.shape = pick_i(visible, hit.shape, 0);
     hit.t = pick(visible, hit.t, 0.0f);
     Surface surface = surface_at(SCENE origin, direction, hit);
     // What reflects nothing diffusely needs nothing.
-    Bool wanted = visible && object_diffuse(hit.object) > 0.0f;
+    Bool wanted = visible && material_diffuse(MATERIAL_OF(hit.shape)) > 0.0f;
     GatheredSite site;
     site.irradiance = make3(lanes(0.0f), lanes(0.0f), lanes(0.0f));
     Uint key = hash2_u(to_uint(number), lanes_u(LATTICE_KEY));

@@ -19,15 +19,15 @@ INLINE Answer stress(SCENE_PARAMS CASE_PARAMS Int i) {
     Vec3 origin = FETCH3(cases, i, 3, 0);
     Vec3 direction = FETCH3(cases, i, 3, 1);
     Bool on = FETCH1(cases, i, 3, 2, 0) > 0.5f;
-    Vec3 anchor = object_anchor(i);
-    Real extent = object_extent(i);
-    Bool is_sphere = i < SPHERE_COUNT;
+    Vec3 anchor = shape_anchor(i);
+    Real extent = shape_extent(i);
+    Bool is_sphere = IS_SPHERE(i);
     Real to_sphere = hit_sphere(origin, direction, anchor, extent, on, on);
     Real to_plane = hit_plane(origin, direction, anchor, extent, on);
     Hit hit;
     hit.t = pick(is_sphere, to_sphere, to_plane);
-    hit.object = i;
-    hit.from = pick_i(on, i * 2 + 1, NO_FACE);
+    hit.shape = i;
+    hit.from = pick_i(on, FACE_OF(i, 1), NO_FACE);
     Surface surface = surface_at(SCENE origin, direction, hit);
     Answer answer;
     answer.a = bits_of(hit.t);
@@ -100,20 +100,20 @@ INLINE Answer stress(SCENE_PARAMS CASE_PARAMS Int i) {
         answer.e = bits_of(direction.y);
         answer.f = bits_of(direction.z);
         answer.g = to_uint(face);
-        answer.h = to_uint(hit.object);
+        answer.h = to_uint(hit.shape);
 #endif
-        Bool escaped = hit.object < 0;
-        Bool own = !escaped && hit.object == OBJECT_OF(face) && (!IS_BEHIND(face) || hit.object >= SPHERE_COUNT);
-        hit.object = pick_i(escaped, 0, hit.object);
+        Bool escaped = hit.shape < 0;
+        Bool own = !escaped && hit.shape == SHAPE_OF(face) && (!IS_BEHIND(face) || !IS_SPHERE(hit.shape));
+        hit.shape = pick_i(escaped, 0, hit.shape);
         hit.t = pick(escaped, 0.0f, hit.t);
         Surface surface = surface_at(SCENE position, direction, hit);
         Vec3 p = surface.position;
         Bool outside = p.x < low.x - tolerance || p.y < low.y - tolerance || p.z < low.z - tolerance ||
             p.x > high.x + tolerance || p.y > high.y + tolerance || p.z > high.z + tolerance;
-        Bool inside = hit.object < SPHERE_COUNT && surface.side < 0.0f;
-        for (int k = 0; k < SPHERE_COUNT; k++) {
-            Vec3 away = sub3(p, object_anchor_same(k));
-            Real depth = max(object_extent_same(k) - tolerance, lanes(0.0f));
+        Bool inside = IS_SPHERE(hit.shape) && surface.side < 0.0f;
+        for (int k = FIRST_SPHERE; k < END_SPHERE; k++) {
+            Vec3 away = sub3(p, shape_anchor_same(k));
+            Real depth = max(shape_extent_same(k) - tolerance, lanes(0.0f));
             inside = inside || dot3(away, away) < depth * depth;
         }
         outside = outside && !escaped;

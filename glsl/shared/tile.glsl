@@ -4,11 +4,11 @@
 // region's list when it lies on that face and its disc of radius R can touch the box; the list is sorted into cells
 // that cover the box. One cell makes a plain tile, more of them make a tile with a grid of its own.
 
-#ifdef HAS_OBJECTS
+#ifdef HAS_SHAPES
 // Whether an object scatters photons' light towards the viewer at all.
-Bool scatters(SCENE_PARAMS Int object) {
-    Vec3 color = object_color(object);
-    return max(max(color.x, color.y), color.z) * object_diffuse(object) > 0.0f || object_specular(object) > 0.0f;
+Bool scatters(SCENE_PARAMS Int shape) {
+    Vec3 color = material_color(MATERIAL_OF(shape));
+    return max(max(color.x, color.y), color.z) * material_diffuse(MATERIAL_OF(shape)) > 0.0f || material_specular(MATERIAL_OF(shape)) > 0.0f;
 }
 #endif
 

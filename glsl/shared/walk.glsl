@@ -179,17 +179,17 @@ struct Step {
 INLINE Step walk(SCENE_PARAMS Photon photon) {
     Step step;
     Hit hit = closest_hit(SCENE photon.position, photon.direction, photon.face);
-    Bool visible = hit.object >= 0;
-    hit.object = pick_i(visible, hit.object, 0);
+    Bool visible = hit.shape >= 0;
+    hit.shape = pick_i(visible, hit.shape, 0);
     hit.t = pick(visible, hit.t, 0.0f);
     step.surface = surface_at(SCENE photon.position, photon.direction, hit);
     Material material;
-    Real diffuse = object_diffuse(hit.object);
-    material.diffuse = scale3(object_color(hit.object), diffuse);
+    Real diffuse = material_diffuse(MATERIAL_OF(hit.shape));
+    material.diffuse = scale3(material_color(MATERIAL_OF(hit.shape)), diffuse);
     step.stored = visible && diffuse > 0.0f;
 #ifdef HAS_GLOSSY
-    material.specular = object_specular(hit.object);
-    material.alpha = object_roughness(hit.object);
+    material.specular = material_specular(MATERIAL_OF(hit.shape));
+    material.alpha = material_roughness(MATERIAL_OF(hit.shape));
     // A perfect mirror keeps nothing: no density estimate could see it.
     step.stored = step.stored || (visible && material.specular > 0.0f && material.alpha > 0.0f);
 #endif

@@ -19,6 +19,7 @@ use crate::rays::camera::camera_direction;
 use crate::rays::emission::{self, Emission};
 use crate::rays::scene::SceneTables;
 use crate::records::Frame;
+use crate::records::face::faces_of;
 use crate::records::packing::Packed;
 use crate::scene::Scene;
 use crate::settings::{Amount, Method, Sampler, Settings};
@@ -103,8 +104,9 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Meas
                     rows.push(row);
                 };
                 for size in CELLS {
-                    let bounds = cpu::grid::grid_bounds(&map.view(), 2 * packed.objects.len());
-                    let laid_out = cells::plan(&packed.objects, &bounds, map.len(), radius, size, Form::Auto)?;
+                    let bounds = cpu::grid::grid_bounds(&map.view(), faces_of(packed.shapes.len()));
+                    let laid_out =
+                        cells::plan(&packed.shapes, packed.is_glossy(), &bounds, map.len(), radius, size, Form::Auto)?;
                     let found = ask(scene, &tables, &frame, &map, &laid_out, plan.stride);
                     let form = if laid_out.hashed { "hashed" } else { "dense" };
                     let [along, across, _] = laid_out.gather.cell.map(|cell| Value::from(radius / cell));
@@ -115,7 +117,7 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Meas
                 {
                     let wanted = tiling::Wanted { radius, tile, cells: method == Method::TiledGrid };
                     let seen = cpu::tiles::tiles_seen(&tables, &frame, tile);
-                    let tiles = tiling::plan(&packed.objects, &frame, seen, map.len(), &wanted)?;
+                    let tiles = tiling::plan(&packed.shapes, &frame, seen, map.len(), &wanted)?;
                     let lists = cpu::tiles::tiles(&map.view(), &tiles, &frame)?;
                     let found = ask_tiles(&tables, &frame, &map, (&tiles, &lists), plan.stride);
                     let cells = (method == Method::TiledGrid).then_some(CELLS_PER_RADIUS);
@@ -148,7 +150,7 @@ fn ask(
     stride: u32,
 ) -> Found {
     let grid = cpu::grid::grid(&map.view(), plan);
-    let own = Gathering::of(tables.objects, tables.sphere_count, is_divided(scene));
+    let own = Gathering::of(tables.shapes, tables.sphere_count, is_divided(scene));
     let gathering = Gathering { hashed: plan.hashed, ..own };
     let map = PhotonMap { gathering: &gathering, plan, stored: map.view(), grid: &grid, tiles: None };
     let mut found = Found::default();
@@ -198,7 +200,7 @@ fn queries(tables: &SceneTables, frame: &Frame, stride: u32) -> impl Iterator<It
         let direction = camera_direction(frame, pixel[0] as f32 + 0.5, pixel[1] as f32 + 0.5);
         let hit = tables.closest_hit(origin, direction, None)?;
         let surface = tables.surface_at(origin, direction, hit);
-        let face = 2 * surface.object + usize::from(surface.side < 0.0);
+        let face = surface.face_left();
         Some(Query { pixel, face, position: surface.position })
     })
 }

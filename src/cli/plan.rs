@@ -17,7 +17,7 @@ use crate::program::source::{Options, assemble, units};
 use crate::rays::emission::Plan;
 use crate::rays::scene::SceneTables;
 use crate::records::packing::Packed;
-use crate::records::{Frame, Glass, Light, Object, Record, Shape, TEXEL, TEXTURE_WIDTH_LOG2};
+use crate::records::{Frame, Light, Material, Record, Shape, TEXEL, TEXTURE_WIDTH_LOG2, TextureShape};
 use crate::scene::Scene;
 use crate::settings::{Amount, Backend, LightMode, Settings};
 
@@ -138,8 +138,8 @@ fn aimed(packed: &Packed, settings: &Settings) -> Result<String> {
 
 /// Which stages a first picture runs, in the pipeline's order.
 fn stages(scene: &Scene, settings: &Settings, chosen: Option<String>, aimed: String) -> Vec<Reason> {
-    let objects = scene.spheres.len() + scene.planes.len();
-    let no_photons = match (settings.light, scene.lights.len(), objects) {
+    let shapes = scene.spheres.len() + scene.planes.len();
+    let no_photons = match (settings.light, scene.lights.len(), shapes) {
         (LightMode::Direct, ..) => Some("direct light only"),
         (_, 0, _) => Some("no lights"),
         (_, _, 0) => Some("no objects"),
@@ -159,7 +159,7 @@ fn stages(scene: &Scene, settings: &Settings, chosen: Option<String>, aimed: Str
     let always = |stage, why: String| Reason { feature: stage, used: true, why };
     vec![
         always("compile", "trace.frag in OpenGL, trace.cl in OpenCL, for the features below".into()),
-        always("upload", format!("{objects} objects, {} lights", scene.lights.len())),
+        always("upload", format!("{shapes} objects, {} lights", scene.lights.len())),
         of_photons("photons", &amount),
         Reason {
             feature: "emission map",
@@ -205,11 +205,12 @@ fn print_source(unit: &str, lanes: u32, features: &Features) -> Result<()> {
 fn report(options: &RenderOptions, scene: &Scene, settings: &Settings, chosen: Option<String>) -> Result<Report> {
     let (features, reasons) = Features::explain(scene, settings);
     let packed = Packed::new(scene, scene.camera.position);
-    let mut uploads =
-        vec![table::<Frame>(1), table::<Object>(packed.objects.len()), table::<Light>(packed.lights.len())];
-    if !packed.glasses.is_empty() {
-        uploads.push(table::<Glass>(packed.glasses.len()));
-    }
+    let uploads = vec![
+        table::<Frame>(1),
+        table::<Shape>(packed.shapes.len()),
+        table::<Material>(packed.materials.len()),
+        table::<Light>(packed.lights.len()),
+    ];
     let gather = gathering(options, scene, settings, &features, &packed)?;
     let memory = gather.as_ref().map(|gather| {
         let stored = gather.stored as usize;
@@ -300,6 +301,6 @@ fn print_estimates(class: Class, estimates: &[Estimate]) {
 
 fn table<R: Record>(records: usize) -> Table {
     let texels = records * R::TEXELS;
-    let shape = Shape::of(texels, TEXTURE_WIDTH_LOG2);
+    let shape = TextureShape::of(texels, TEXTURE_WIDTH_LOG2);
     Table { table: R::TABLE, records, texels, texture: [shape.width, shape.height], bytes: texels * TEXEL * 4 }
 }

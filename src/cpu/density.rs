@@ -62,16 +62,16 @@ pub struct Cut {
     pub beyond: f32,
 }
 
-/// Object `i`, a plane, as seen from a point of another surface.
+/// Shape `i`, a plane, as seen from a point of another surface.
 pub fn cut_of(scene: &SceneTables, i: usize, surface: &Surface, inverse_radius: f32) -> Cut {
-    let normal = Vec3::from(scene.objects[i].anchor);
-    let offset = scene.objects[i].extent - normal.dot(surface.position);
+    let normal = Vec3::from(scene.shapes[i].anchor);
+    let offset = scene.shapes[i].extent - normal.dot(surface.position);
     let across = normal - surface.normal * normal.dot(surface.normal);
     let sine = across.length();
     let mut beyond = offset.abs() * inverse_radius;
-    if surface.object < scene.sphere_count {
+    if surface.shape < scene.sphere_count {
         // Lambert's equal-area map: chordal distance to the circle that the plane cuts out of the sphere.
-        let sphere = &scene.objects[surface.object];
+        let sphere = &scene.shapes[surface.shape];
         let outward = (surface.position - Vec3::from(sphere.anchor)) * (1.0 / sphere.extent);
         let point_cosine = normal.dot(outward);
         let circle_cosine = offset / sphere.extent + point_cosine;
@@ -88,7 +88,7 @@ pub fn cut_of(scene: &SceneTables, i: usize, surface: &Surface, inverse_radius: 
     }
     // The surface's own plane cuts nothing, nor does one along it, whose line is nowhere. (Around a sphere's pole it cuts a
     // circle, which no line resembles.)
-    if surface.object == i || sine < 1e-6 {
+    if surface.shape == i || sine < 1e-6 {
         beyond = f32::INFINITY;
     }
     Cut { across: across * 1f32.copysign(offset), sine, beyond: beyond.max(1e-12) }
@@ -125,7 +125,7 @@ pub fn lost_beyond(kernel: DensityKernel, cuts: &[Cut], i: usize, normal: Vec3) 
 /// The kernel's integral over the part of the disc on the query point's side of every plane.
 pub fn visible_part(scene: &SceneTables, gathering: &Gathering, surface: &Surface, inverse_radius: f32) -> f32 {
     let kernel = gathering.density_kernel;
-    let planes = scene.sphere_count..scene.objects.len();
+    let planes = scene.sphere_count..scene.shapes.len();
     let cuts = planes.map(|i| cut_of(scene, i, surface, inverse_radius)).filter(|cut| cut.beyond < cut.sine);
     let cuts: Vec<Cut> = cuts.collect();
     let lost: f32 = (0..cuts.len()).map(|i| lost_beyond(kernel, &cuts, i, surface.normal)).sum();
@@ -164,13 +164,13 @@ pub fn covered_by_circle(kernel: DensityKernel, distance: f32, rho: f32) -> f32 
 
 /// What sphere `i`, where it cuts the plane that the point lies on, covers of the disc.
 pub fn footprint(scene: &SceneTables, i: usize, kernel: DensityKernel, surface: &Surface, inverse_radius: f32) -> f32 {
-    let sphere = &scene.objects[i];
+    let sphere = &scene.shapes[i];
     let away = Vec3::from(sphere.anchor) - surface.position;
     let height = away.dot(surface.normal);
     let across = away - surface.normal * height;
     let distance = across.dot(across).sqrt() * inverse_radius;
     let rho = (sphere.extent * sphere.extent - height * height).max(0.0).sqrt() * inverse_radius;
-    if surface.object >= scene.sphere_count && rho > 0.0 && distance > rho && distance - rho < 1.0 {
+    if surface.shape >= scene.sphere_count && rho > 0.0 && distance > rho && distance - rho < 1.0 {
         covered_by_circle(kernel, distance, rho)
     } else {
         0.0
@@ -184,7 +184,7 @@ mod tests {
     use super::*;
     use crate::program::features::Features;
     use crate::records::packing::Packed;
-    use crate::records::{Object, PLANE};
+    use crate::records::{PLANE, Shape};
 
     /// Σ of the kernel over the unit disc's points that satisfy `keep`, by the midpoint rule on a square lattice.
     fn integrate(kernel: DensityKernel, steps: i32, keep: impl Fn(f64, f64) -> bool) -> f64 {
@@ -223,25 +223,25 @@ mod tests {
     fn part_of_planes(kernel: DensityKernel, position: DVec3, planes: &[(f64, f64, f64)]) -> f64 {
         let tilt = DQuat::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), 0.7);
         let radius = 0.2;
-        let object = |anchor: DVec3, offset: f64| Object {
+        let shape = |anchor: DVec3, offset: f64| Shape {
             anchor: anchor.as_vec3().to_array(),
             extent: offset as f32,
             kind: PLANE,
-            ..Object::default()
+            ..Shape::default()
         };
-        let own = object(tilt * DVec3::Z, (tilt * DVec3::Z).dot(position));
+        let own = shape(tilt * DVec3::Z, (tilt * DVec3::Z).dot(position));
         let others = planes.iter().map(|(degrees, distance, sine)| {
             let (y, x) = degrees.to_radians().sin_cos();
             let towards = tilt * DVec3::new(x, y, 0.0);
             let normal = tilt * (DVec3::new(x, y, 0.0) * *sine + DVec3::Z * (1.0 - sine * sine).sqrt());
-            object(normal, normal.dot(position + towards * (distance * radius)))
+            shape(normal, normal.dot(position + towards * (distance * radius)))
         });
-        let objects = [own].into_iter().chain(others).collect();
-        let packed = Packed { origin: DVec3::ZERO, objects, sphere_count: 0, lights: Vec::new(), glasses: Vec::new() };
+        let shapes = [own].into_iter().chain(others).collect();
+        let packed = Packed { origin: DVec3::ZERO, shapes, sphere_count: 0, lights: Vec::new(), materials: Vec::new() };
         let features = Features::reachable()[0]; // any: clipping asks for none
         let scene = SceneTables::new(&packed, &features);
         let normal = (tilt * DVec3::Z).as_vec3();
-        let surface = Surface { position: position.as_vec3(), normal, object: 0, side: 1.0 };
+        let surface = Surface { position: position.as_vec3(), normal, shape: 0, side: 1.0 };
         let gathering = Gathering { density_kernel: kernel, ..Gathering::default() };
         f64::from(visible_part(&scene, &gathering, &surface, 1.0 / radius as f32))
     }

@@ -34,15 +34,15 @@ pub fn incident_light(scene: &SceneTables, surface: &Surface, light: &Light) -> 
 
 /// Radiance towards the viewer from point lights, W·m⁻²·sr⁻¹.
 pub fn direct_light(scene: &SceneTables, surface: &Surface, to_viewer: Vec3) -> Vec3 {
-    let object = &scene.objects[surface.object];
-    let diffuse = Vec3::from(object.color) * (object.diffuse * FRAC_1_PI);
+    let material = scene.material_of(surface.shape);
+    let diffuse = Vec3::from(material.color) * (material.diffuse * FRAC_1_PI);
     let mut sum = Vec3::ZERO;
     for light in scene.lights {
         let Some(Incident { irradiance, to_light, cosine }) = incident_light(scene, surface, light) else { continue };
         let mut bsdf = diffuse;
-        if object.specular > 0.0 {
+        if material.specular > 0.0 {
             let cos_o = surface.normal.dot(to_viewer).max(0.0);
-            bsdf += object.specular * ggx(surface.normal, to_viewer, to_light, cos_o, cosine, object.roughness);
+            bsdf += material.specular * ggx(surface.normal, to_viewer, to_light, cos_o, cosine, material.roughness);
         }
         sum += bsdf * irradiance;
     }

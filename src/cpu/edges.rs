@@ -35,7 +35,7 @@ fn seen(scene: &SceneTables, frame: &Frame, x: f32, y: f32) -> Option<(usize, bo
     };
     let lights = if scene.features.lights == Lights::None { &[] } else { scene.lights };
     let lit = lights.iter().map(|light| shines(light.position.into())).collect();
-    Some((surface.object, surface.side > 0.0, lit))
+    Some((surface.shape, surface.side > 0.0, lit))
 }
 
 #[cfg(test)]

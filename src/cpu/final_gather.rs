@@ -8,9 +8,9 @@ use rayon::prelude::*;
 use super::direct::{Incident, incident_light};
 use super::texels::texel_of;
 use crate::rays::camera::camera_direction;
-use crate::rays::intersect::INFINITE;
 use crate::rays::random::{R2_STEPS, hash_u, hash2_u, sequence_u};
 use crate::rays::scene::{SceneTables, Surface};
+use crate::rays::shapes::{self, INFINITE};
 use crate::rays::walk::sample_cosine;
 use crate::records::{Chart, Frame, LitPoint, Site, SiteLattice, SiteSurface, Texel};
 
@@ -39,15 +39,16 @@ fn share_of_rays(facing: f32, density: f32, distance2: f32) -> f32 {
 fn from_lit_points(scene: &SceneTables, gatherer: &Gatherer, to: &Surface, fewer: f32) -> Vec3 {
     let mut sum = Vec3::ZERO;
     for point in &gatherer.points[..gatherer.lattice.points as usize] {
-        let (position, object) = (Vec3::from(point.position), point.object as usize);
+        let (position, shape) = (Vec3::from(point.position), point.shape as usize);
         let towards = position - to.position;
         let distance2 = towards.dot(towards);
         let distance = distance2.sqrt();
         let direction = towards * (1.0 / distance);
         let cosine = to.normal.dot(direction);
         let cosine_there = 0.0 - Vec3::from(point.normal).dot(direction);
-        let faces = cosine > 0.0 && cosine_there > 0.0 && (to.object != object || object < scene.sphere_count);
-        if faces && !scene.occluded(to.position, position, direction, distance, to.face_left(), Some(object)) {
+        let faces =
+            cosine > 0.0 && cosine_there > 0.0 && (to.shape != shape || shapes::sees_itself(&scene.shapes[shape]));
+        if faces && !scene.occluded(to.position, position, direction, distance, to.face_left(), Some(shape)) {
             let facing = cosine * cosine_there * FRAC_1_PI;
             let density = point.density * fewer;
             sum += Vec3::from(point.irradiance) * (share_of_rays(facing, density, distance2) * fewer);
@@ -67,7 +68,7 @@ fn radiance_seen(
     seen: &Surface,
     fewer: f32,
 ) -> Vec3 {
-    let object = &scene.objects[seen.object];
+    let material = scene.material_of(seen.shape);
     let mut irradiance = Vec3::from(gatherer.texels[texel_of(scene, gatherer.charts, seen)].irradiance);
     let facing = 0.0 - from.normal.dot(direction) * seen.normal.dot(direction) * FRAC_1_PI;
     for light in scene.lights {
@@ -76,7 +77,7 @@ fn radiance_seen(
             irradiance += direct * share_of_rays(facing, density, distance * distance);
         }
     }
-    Vec3::from(object.color) * (object.diffuse * FRAC_1_PI) * irradiance
+    Vec3::from(material.color) * (material.diffuse * FRAC_1_PI) * irradiance
 }
 
 /// Indirect irradiance at a point, W/m².
@@ -122,7 +123,6 @@ pub fn indirect_irradiance(
     let (u, v) = (u - column as f32, v - row as f32);
     let face = face_of(surface);
     let inverse_clearance = 1.0 / (clearance(scene, surface) * lattice.reach).max(1e-20);
-    let extent = scene.objects[surface.object].extent * lattice.reach;
     let (mut irradiance, mut total) = (Vec3::ZERO, 0.0);
     for (down, across, share) in
         [(0, 0, (1.0 - u) * (1.0 - v)), (0, 1, u * (1.0 - v)), (1, 0, (1.0 - u) * v), (1, 1, u * v)]
@@ -136,9 +136,7 @@ pub fn indirect_irradiance(
         );
         let apart = Vec3::from(frame.position) + towards * surfaces[site].distance - surface.position;
         let mut weight = share * (1.0 - apart.dot(apart).sqrt() * inverse_clearance).max(0.0);
-        if surface.object < scene.sphere_count {
-            weight *= (1.0 - 10.0 * (apart.dot(apart) / (extent * extent))).max(0.0);
-        }
+        weight *= shapes::likeness(&scene.shapes[surface.shape], apart, lattice.reach);
         if surfaces[site].face == face {
             irradiance += Vec3::from(sites[site].irradiance) * weight;
             total += weight;
@@ -157,18 +155,8 @@ const LEAST_WEIGHT: f32 = 0.02;
 
 /// Distance from a point to the nearest surface but its own.
 fn clearance(scene: &SceneTables, surface: &Surface) -> f32 {
-    let distance = |(i, object): (usize, &crate::records::Object)| {
-        let anchor = Vec3::from(object.anchor);
-        if i == surface.object {
-            INFINITE
-        } else if i < scene.sphere_count {
-            let from_center = surface.position - anchor;
-            (from_center.dot(from_center).sqrt() - object.extent).abs()
-        } else {
-            (anchor.dot(surface.position) - object.extent).abs()
-        }
-    };
-    scene.objects.iter().enumerate().map(distance).fold(INFINITE, f32::min)
+    let others = scene.shapes.iter().enumerate().filter(|(number, _)| *number != surface.shape);
+    others.map(|(_, shape)| shapes::distance(shape, surface.position)).fold(INFINITE, f32::min)
 }
 
 /// Of all rays of a pass.
@@ -191,7 +179,7 @@ pub fn sites(scene: &SceneTables, gatherer: &Gatherer, frame: &Frame) -> (Vec<Si
                 return (Site::default(), SiteSurface { face: -1.0, ..SiteSurface::default() });
             };
             let surface = scene.surface_at(origin, direction, hit);
-            let irradiance = match scene.objects[hit.object].diffuse > 0.0 {
+            let irradiance = match scene.material_of(hit.shape).diffuse > 0.0 {
                 true => final_gather(scene, gatherer, &surface, hash2_u(number, key), lattice.rays as u32),
                 false => Vec3::ZERO,
             };

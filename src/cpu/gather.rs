@@ -14,6 +14,7 @@ use crate::plan::tiling;
 use crate::program::gathering::{Gathering, Method};
 use crate::rays::bsdf::ggx;
 use crate::rays::scene::{SceneTables, Surface};
+use crate::rays::shapes::plane;
 use crate::records::{Gather, Region};
 
 /// A photon map as a picture sees it.
@@ -170,10 +171,7 @@ pub fn near(map: &PhotonMap, face: usize, point: Vec3, tile: usize) -> Vec<Near>
 
 /// Whether a plane lies between the point and a photon.
 pub fn walled_off(scene: &SceneTables, point: Vec3, photon: Vec3) -> bool {
-    scene.objects[scene.sphere_count..].iter().any(|plane| {
-        let normal = Vec3::from(plane.anchor);
-        (plane.extent - normal.dot(point)) * (plane.extent - normal.dot(photon)) < 0.0
-    })
+    scene.shapes[scene.sphere_count..].iter().any(|shape| plane::parts(shape, point, photon))
 }
 
 /// Photons that are summed at a time.
@@ -182,11 +180,11 @@ const SUM_BLOCK: usize = 256;
 /// Radiance that the photons around a visible point send towards the viewer, W·m⁻²·sr⁻¹.
 /// `tile` is that of the pixel which sees the point; only methods with tiles ask for it.
 pub fn photon_radiance(scene: &SceneTables, map: &PhotonMap, surface: &Surface, to_viewer: Vec3, tile: usize) -> Vec3 {
-    let object = &scene.objects[surface.object];
-    if map.tiles.is_some() && !scatters(object) {
+    let material = scene.material_of(surface.shape);
+    if map.tiles.is_some() && !scatters(material) {
         return Vec3::ZERO;
     }
-    let face = 2 * surface.object + usize::from(surface.side < 0.0);
+    let face = surface.face_left();
     let kernel = map.gathering.density_kernel;
     let mut inverse_radius = map.plan.gather.inverse_radius;
     let stored = map.gathering.method.reads_stored();
@@ -216,14 +214,14 @@ pub fn photon_radiance(scene: &SceneTables, map: &PhotonMap, surface: &Surface, 
             let power =
                 Vec3::from(if stored { map.stored.powers[photon].power } else { map.grid.powers[photon].power });
             part.flux += power * weight;
-            if object.specular > 0.0 {
+            if material.specular > 0.0 {
                 let directions = if stored { map.stored.directions } else { &map.grid.directions[..] };
                 let to_light = Vec3::from(directions[photon].direction);
                 let cos_i = surface.normal.dot(to_light);
                 if cos_i > 0.0 {
                     let cos_o = surface.normal.dot(to_viewer).max(0.0);
                     part.glint +=
-                        power * (weight * ggx(surface.normal, to_viewer, to_light, cos_o, cos_i, object.roughness));
+                        power * (weight * ggx(surface.normal, to_viewer, to_light, cos_o, cos_i, material.roughness));
                 }
             }
         }
@@ -234,6 +232,6 @@ pub fn photon_radiance(scene: &SceneTables, map: &PhotonMap, surface: &Surface, 
     if map.gathering.clip {
         scale /= visible_part(scene, map.gathering, surface, inverse_radius);
     }
-    let diffuse = Vec3::from(object.color) * (object.diffuse * FRAC_1_PI);
-    (diffuse * sum.flux + sum.glint * object.specular) * scale
+    let diffuse = Vec3::from(material.color) * (material.diffuse * FRAC_1_PI);
+    (diffuse * sum.flux + sum.glint * material.specular) * scale
 }

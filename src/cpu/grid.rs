@@ -35,7 +35,7 @@ pub struct GridTables {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PhotonSurface {
     /// Index into the object table.
-    pub object: f32,
+    pub shape: f32,
     /// +1: it came from the side that the object's normal points to; −1: from the other.
     pub side: f32,
     /// Scattering events before it landed: 0 straight from the light.
@@ -44,7 +44,7 @@ pub struct PhotonSurface {
 
 /// A photon's face: 2·object + (0 | 1).
 pub fn face_of(surface: &PhotonSurface) -> usize {
-    2 * surface.object as usize + usize::from(surface.side < 0.0)
+    2 * surface.shape as usize + usize::from(surface.side < 0.0)
 }
 
 /// u, v, w from x, y, z.

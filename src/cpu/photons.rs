@@ -17,7 +17,7 @@ pub struct PhotonTables {
     pub positions: Vec<PhotonPosition>,
     /// Watts per channel.
     pub powers: Vec<PhotonPower>,
-    /// Object, side, bounce.
+    /// Shape, side, bounce.
     pub surfaces: Vec<PhotonSurface>,
     /// Towards where the photon came from; empty unless some surface is glossy.
     pub directions: Vec<PhotonDirection>,
@@ -55,8 +55,8 @@ pub fn walk_photons(
     while let Some(photon) = next {
         let Some(hit) = scene.closest_hit(photon.position, photon.direction, photon.face) else { break };
         let surface = scene.surface_at(photon.position, photon.direction, hit);
-        let object = &scene.objects[surface.object];
-        let keeps = object.diffuse > 0.0 || (object.specular > 0.0 && object.roughness > 0.0);
+        let material = scene.material_of(surface.shape);
+        let keeps = material.diffuse > 0.0 || (material.specular > 0.0 && material.roughness > 0.0);
         if keeps && (emission.store_direct || photon.bounce > 0) {
             deposit(&photon, &surface);
         }
@@ -79,8 +79,8 @@ pub fn walk_paths(
         walk_photons(scene, plan, emitters, emission, path, stream, |photon, surface| {
             map.positions.push(PhotonPosition { position: surface.position.into() });
             map.powers.push(PhotonPower { power: (photon.throughput * photon.power).into() });
-            let (object, side) = (surface.object as f32, surface.side);
-            map.surfaces.push(PhotonSurface { object, side, bounce: photon.bounce as f32 });
+            let (shape, side) = (surface.shape as f32, surface.side);
+            map.surfaces.push(PhotonSurface { shape, side, bounce: photon.bounce as f32 });
             if scene.features.glossy {
                 map.directions.push(PhotonDirection { direction: (-photon.direction).into() });
             }

@@ -2,7 +2,6 @@
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use glam::Vec3;
 use rayon::prelude::*;
 
 use super::photons::{stream_of, walk_photons};
@@ -10,26 +9,16 @@ use crate::plan::charts::{Charts, Window};
 use crate::rays::emission::{Emission, Plan, Quanta};
 use crate::rays::random::unit_real;
 use crate::rays::scene::{SceneTables, Surface};
+use crate::rays::shapes;
 use crate::rays::walk::number_u;
+use crate::records::face::sheet_of_shape;
 use crate::records::{Chart, Texel};
-
-/// Octahedral coordinates of a unit vector, in [−1, 1]².
-pub fn octahedral(n: Vec3) -> (f32, f32) {
-    let scale = 1.0 / (n.x.abs() + n.y.abs() + n.z.abs());
-    let (u, v) = (n.x * scale, n.z * scale);
-    if n.y < 0.0 { ((1.0 - v.abs()).copysign(u), (1.0 - u.abs()).copysign(v)) } else { (u, v) }
-}
 
 /// The texel of a surface point.
 pub fn texel_of(scene: &SceneTables, charts: &[Chart], surface: &Surface) -> usize {
-    let chart = &charts[surface.object];
-    let (u, v) = if surface.object < scene.sphere_count {
-        octahedral(surface.normal * surface.side)
-    } else {
-        let u = Vec3::from(chart.axis_u).dot(surface.position) + chart.offset_u;
-        let v = Vec3::from(chart.axis_v).dot(surface.position) + chart.offset_v;
-        (u / (1.0 + chart.bend * u.abs()), v / (1.0 + chart.bend * v.abs()))
-    };
+    let chart = &charts[sheet_of_shape(surface.shape)];
+    let shape = &scene.shapes[surface.shape];
+    let (u, v) = shapes::chart_point(shape, chart, surface.position, surface.normal * surface.side);
     let column = ((u * 0.5 + 0.5) * chart.columns).max(0.0).min(chart.columns - 1.0) as usize;
     let row = ((v * 0.5 + 0.5) * chart.rows).max(0.0).min(chart.rows - 1.0) as usize;
     let (columns, rows) = (chart.columns as usize, chart.rows as usize);

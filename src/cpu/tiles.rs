@@ -10,7 +10,7 @@ use crate::plan::cells::Bounds;
 use crate::plan::tiling::{Plan, Seen, tiles_of};
 use crate::rays::camera::sample_direction;
 use crate::rays::scene::SceneTables;
-use crate::records::{Frame, Gather, Object, Region};
+use crate::records::{Frame, Gather, Material, Region};
 
 /// The tiles' lists.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -21,9 +21,9 @@ pub struct TileTables {
     pub tile_photons: Vec<f32>,
 }
 
-/// Whether an object scatters photons' light towards the viewer at all.
-pub fn scatters(object: &Object) -> bool {
-    Vec3::from(object.color).max_element() * object.diffuse > 0.0 || object.specular > 0.0
+/// Whether a material scatters photons' light towards the viewer at all.
+pub fn scatters(material: &Material) -> bool {
+    Vec3::from(material.color).max_element() * material.diffuse > 0.0 || material.specular > 0.0
 }
 
 /// The tile that a pixel belongs to.
@@ -48,8 +48,8 @@ pub fn tiles_seen(scene: &SceneTables, frame: &Frame, tile: [u32; 2]) -> Vec<See
                     let Some(hit) = scene.closest_hit(origin, direction, None) else { continue };
                     let surface = scene.surface_at(origin, direction, hit);
                     let p = surface.position;
-                    if p.abs().element_sum() < 1e15 && scatters(&scene.objects[hit.object]) {
-                        let face = 2 * surface.object as u32 + u32::from(surface.side < 0.0);
+                    if p.abs().element_sum() < 1e15 && scatters(scene.material_of(hit.shape)) {
+                        let face = 2 * surface.shape as u32 + u32::from(surface.side < 0.0);
                         boxes.entry(face).or_insert(Bounds::EMPTY).add(p.to_array());
                     }
                 }

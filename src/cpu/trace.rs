@@ -35,7 +35,7 @@ pub fn radiance_along(
     let (origin, direction) = (frame.position.into(), camera_direction(frame, x, y));
     let Some(hit) = scene.closest_hit(origin, direction, None) else { return Vec3::ZERO };
     let surface = scene.surface_at(origin, direction, hit);
-    let object = &scene.objects[hit.object];
+    let material = scene.material_of(hit.shape);
     let direct = match scene.features.lights {
         Lights::None => Vec3::ZERO,
         _ => direct_light(scene, &surface, -direction),
@@ -44,11 +44,11 @@ pub fn radiance_along(
         Indirect::None => Vec3::ZERO,
         Indirect::Map(map) => photon_radiance(scene, map, &surface, -direction, tile),
         Indirect::Final(gatherer) => {
-            let diffuse = Vec3::from(object.color) * (object.diffuse * FRAC_1_PI);
+            let diffuse = Vec3::from(material.color) * (material.diffuse * FRAC_1_PI);
             diffuse * indirect_irradiance(scene, gatherer, frame, &surface, x, y, key)
         }
     };
-    direct + reflected + Vec3::from(object.color) * object.ambient
+    direct + reflected + Vec3::from(material.color) * material.ambient
 }
 
 /// Mean over the pixel's samples.

@@ -367,7 +367,7 @@ impl Pipeline {
                 method: chosen.method,
                 density_kernel: settings.gather.density_kernel,
                 hashed: chosen.hashed,
-                ..Gathering::of(&packed.objects, packed.sphere_count, is_divided(scene))
+                ..Gathering::of(&packed.shapes, packed.sphere_count, is_divided(scene))
             });
         }
         if stale(Stage::Compile) || stale(Stage::Grid) {

@@ -43,8 +43,8 @@ pub struct Beginning {
 
 /// Whether a picture has photons at all.
 pub fn wants_photons(scene: &Scene, settings: &Settings) -> bool {
-    let objects = scene.spheres.len() + scene.planes.len();
-    settings.light != LightMode::Direct && !scene.lights.is_empty() && objects > 0
+    let shapes = scene.spheres.len() + scene.planes.len();
+    settings.light != LightMode::Direct && !scene.lights.is_empty() && shapes > 0
 }
 
 impl Beginning {

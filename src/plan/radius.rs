@@ -31,12 +31,12 @@ const PLAINLY: usize = 4;
 /// over which the photons would be spread if they lay everywhere as densely as in the median visible point.
 pub fn choose(scene: &SceneTables, frame: &Frame, sample: &Sample, stored: u64) -> f32 {
     let points = visible_points(scene, frame);
-    let mut faces = vec![Vec::new(); 2 * scene.objects.len()];
+    let mut faces = vec![Vec::new(); 2 * scene.shapes.len()];
     for (position, face) in sample.positions.iter().zip(&sample.faces) {
         faces[*face as usize].push(Vec3::from(position.position));
     }
     let area =
-        |&(p, (object, side)): &(Vec3, (usize, f32))| area_of_a_photon(&faces[2 * object + usize::from(side < 0.0)], p);
+        |&(p, (shape, side)): &(Vec3, (usize, f32))| area_of_a_photon(&faces[2 * shape + usize::from(side < 0.0)], p);
     let mut areas: Vec<f64> = points.iter().filter_map(area).collect();
     if areas.is_empty() {
         // Nothing is seen where photons lie: any radius gives the same black picture.
@@ -46,8 +46,8 @@ pub fn choose(scene: &SceneTables, frame: &Frame, sample: &Sample, stored: u64) 
     let spread = areas[areas.len() / 2] * sample.positions.len() as f64;
     let radius = (SCALE * spread.sqrt() * (stored as f64).powf(-1.0 / 6.0)) as f32;
     let limit = (OF_SPHERE * (FEW / stored.max(1) as f64).powf(1.0 / 6.0).max(1.0)) as f32;
-    let seen = |sphere: &usize| points.iter().filter(|(_, (object, _))| object == sphere).count() >= PLAINLY;
-    let spheres = (0..scene.sphere_count).filter(seen).map(|sphere| scene.objects[sphere].extent * limit);
+    let seen = |sphere: &usize| points.iter().filter(|(_, (shape, _))| shape == sphere).count() >= PLAINLY;
+    let spheres = (0..scene.sphere_count).filter(seen).map(|sphere| scene.shapes[sphere].extent * limit);
     spheres.fold(radius, f32::min)
 }
 
@@ -66,7 +66,7 @@ pub(crate) fn visible_points(scene: &SceneTables, frame: &Frame) -> Vec<(Vec3, (
         let (origin, direction) = (frame.position.into(), camera_direction(frame, x, y));
         let hit = scene.closest_hit(origin, direction, None)?;
         let surface = scene.surface_at(origin, direction, hit);
-        Some((surface.position, (surface.object, surface.side)))
+        Some((surface.position, (surface.shape, surface.side)))
     };
     raster.filter_map(see).collect()
 }

@@ -91,8 +91,8 @@ fn lit_points(scene: &SceneTables, plan: &Plan, settings: &Settings, gather: &Fi
         let photon = emit_photon(plan, &emitters, Sampler::Sequence, path, stream);
         let hit = scene.closest_hit(photon.position, photon.direction, None)?;
         let surface = scene.surface_at(photon.position, photon.direction, hit);
-        let object = &scene.objects[surface.object];
-        let albedo = Vec3::from(object.color) * object.diffuse;
+        let material = scene.material_of(surface.shape);
+        let albedo = Vec3::from(material.color) * material.diffuse;
         // Flux of this path: with `points` of them a pass, that of all lights together.
         let flux = photon.throughput * (photon.power * round as f32 / gather.points as f32);
         let cosine = -surface.normal.dot(photon.direction);
@@ -106,7 +106,7 @@ fn lit_points(scene: &SceneTables, plan: &Plan, settings: &Settings, gather: &Fi
             normal: surface.normal.into(),
             irradiance: (flux * albedo * density).into(),
             density,
-            object: surface.object as f32,
+            shape: surface.shape as f32,
             reserved: 0.0,
         })
     });

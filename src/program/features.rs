@@ -4,7 +4,8 @@
 
 use glam::DVec3;
 
-use crate::records::{LIGHTS_IN_UNIFORMS, OBJECTS_IN_UNIFORMS};
+use crate::kinds::ShapeKind;
+use crate::records::{LIGHTS_IN_UNIFORMS, SHAPES_IN_UNIFORMS};
 use crate::scene::{Plane, Scene, Sphere};
 use crate::settings::{LightMode, Settings};
 
@@ -12,7 +13,7 @@ use crate::settings::{LightMode, Settings};
 /// at places known beforehand. On two cores direct light takes a sixth less in OpenCL, and 30 to 50% less in software OpenGL;
 /// counting 1M paths of gi_ref on an H200 takes 0.12 ms instead of 0.17. OpenGL on GPUs keeps its counters: on an H100
 /// rooms are gathered 7% faster without them, but sphere_and_plane 30 to 40% slower.
-pub const FEW_OBJECTS: usize = 12;
+pub const FEW_SHAPES: usize = 12;
 
 /// How many lights the code is made for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -48,7 +49,7 @@ pub struct Features {
     pub one_sample: bool,
     /// The scene's records fit into GL's uniforms; OpenCL has no use for it.
     pub in_uniforms: bool,
-    /// How many spheres and planes there are, where they are few: at most [`FEW_OBJECTS`] together.
+    /// How many spheres and planes there are, where they are few: at most [`FEW_SHAPES`] together.
     pub counts: Option<[u32; 2]>,
 }
 
@@ -99,8 +100,8 @@ impl Features {
             glossy: glossy > 0 && !scene.lights.is_empty(),
             ambient: ambient > 0,
             one_sample: settings.samples == 1 && !settings.jittered,
-            in_uniforms: spheres + planes <= OBJECTS_IN_UNIFORMS && scene.lights.len() <= LIGHTS_IN_UNIFORMS,
-            counts: (1..=FEW_OBJECTS).contains(&(spheres + planes)).then_some([spheres, planes].map(|n| n as u32)),
+            in_uniforms: spheres + planes <= SHAPES_IN_UNIFORMS && scene.lights.len() <= LIGHTS_IN_UNIFORMS,
+            counts: (1..=FEW_SHAPES).contains(&(spheres + planes)).then_some([spheres, planes].map(|n| n as u32)),
         };
         let reason = |feature, used, why| Reason { feature, used, why };
         let reasons = vec![
@@ -136,17 +137,23 @@ impl Features {
             reason(
                 "SCENE_IN_UNIFORMS",
                 features.in_uniforms,
-                format!(
-                    "up to {OBJECTS_IN_UNIFORMS} objects and {LIGHTS_IN_UNIFORMS} lights need no texture in OpenGL"
-                ),
+                format!("up to {SHAPES_IN_UNIFORMS} objects and {LIGHTS_IN_UNIFORMS} lights need no texture in OpenGL"),
             ),
             reason(
                 "SPHERE_COUNT",
                 features.counts.is_some(),
-                format!("loops over up to {FEW_OBJECTS} objects are unrolled, but by OpenGL on GPUs"),
+                format!("loops over up to {FEW_SHAPES} objects are unrolled, but by OpenGL on GPUs"),
             ),
         ];
         (features, reasons)
+    }
+
+    /// Whether shapes of a kind may come between a visible point and a light.
+    pub fn casts_shadows(&self, kind: ShapeKind) -> bool {
+        match kind {
+            ShapeKind::Sphere => self.sphere_shadows,
+            ShapeKind::Plane => self.plane_shadows,
+        }
     }
 
     /// The same for the photons' walks, which know nothing of the camera: a map must not depend on where it was when
@@ -160,7 +167,7 @@ impl Features {
         let flags = [
             (self.spheres, "HAS_SPHERES"),
             (self.planes, "HAS_PLANES"),
-            (self.spheres || self.planes, "HAS_OBJECTS"),
+            (self.spheres || self.planes, "HAS_SHAPES"),
             (self.lights != Lights::None, "HAS_LIGHTS"),
             (self.lights == Lights::One, "ONE_LIGHT"),
             (self.sphere_shadows, "HAS_SPHERE_SHADOWS"),

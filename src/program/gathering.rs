@@ -1,6 +1,6 @@
 //! How stored photons become radiance: the method, the density kernel, and what the scene asks of the code.
 
-use crate::records::Object;
+use crate::records::Shape;
 pub use crate::settings::{DensityKernel, Method};
 
 /// Farthest that queries which walk together may lie apart, in radii. Measured at 0.5, 1, 2 and 4.
@@ -24,8 +24,8 @@ pub struct Gathering {
 }
 
 /// Whether some sphere cuts some plane.
-fn footprints(spheres: &[Object], planes: &[Object]) -> bool {
-    let cuts = |sphere: &Object, plane: &Object| {
+fn footprints(spheres: &[Shape], planes: &[Shape]) -> bool {
+    let cuts = |sphere: &Shape, plane: &Shape| {
         let height = (0..3).map(|axis| plane.anchor[axis] * sphere.anchor[axis]).sum::<f32>() - plane.extent;
         height.abs() < sphere.extent
     };
@@ -66,12 +66,12 @@ impl Gathering {
     /// A plane cuts discs of other surfaces only: it takes two objects. Photons lie on both sides of a plane only
     /// where the scene is `divided`: one separates camera and lights. All else starts in one half-space of every plane
     /// and stays there.
-    pub fn of(objects: &[Object], sphere_count: usize, divided: bool) -> Gathering {
-        let planes = objects.len() - sphere_count;
+    pub fn of(shapes: &[Shape], sphere_count: usize, divided: bool) -> Gathering {
+        let planes = shapes.len() - sphere_count;
         Gathering {
-            clip: planes > 0 && objects.len() > 1,
-            both_sides: planes > 0 && objects.len() > 1 && divided,
-            footprints: footprints(&objects[..sphere_count], &objects[sphere_count..]),
+            clip: planes > 0 && shapes.len() > 1,
+            both_sides: planes > 0 && shapes.len() > 1 && divided,
+            footprints: footprints(&shapes[..sphere_count], &shapes[sphere_count..]),
             ..Gathering::default()
         }
     }

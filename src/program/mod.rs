@@ -2,4 +2,5 @@
 
 pub mod features;
 pub mod gathering;
+pub mod kinds;
 pub mod source;

@@ -3,7 +3,9 @@
 
 use std::fmt::Write;
 
+use crate::kinds::SHAPE_KINDS;
 use crate::program::features::Features;
+use crate::program::kinds;
 use crate::records;
 
 /// Every source, embedded: the program runs from anywhere.
@@ -15,11 +17,14 @@ const FILES: &[(&str, &str)] = &[
     ("shared/vector.glsl", include_str!("../../glsl/shared/vector.glsl")),
     ("shared/random.glsl", include_str!("../../glsl/shared/random.glsl")),
     ("shared/camera.glsl", include_str!("../../glsl/shared/camera.glsl")),
-    ("shared/intersect.glsl", include_str!("../../glsl/shared/intersect.glsl")),
+    ("shared/surface.glsl", include_str!("../../glsl/shared/surface.glsl")),
+    ("shared/shapes/sphere.glsl", include_str!("../../glsl/shared/shapes/sphere.glsl")),
+    ("shared/shapes/plane.glsl", include_str!("../../glsl/shared/shapes/plane.glsl")),
     ("shared/scene.glsl", include_str!("../../glsl/shared/scene.glsl")),
     ("shared/bsdf.glsl", include_str!("../../glsl/shared/bsdf.glsl")),
     ("shared/direct.glsl", include_str!("../../glsl/shared/direct.glsl")),
     ("shared/kernel.glsl", include_str!("../../glsl/shared/kernel.glsl")),
+    ("shared/disc.glsl", include_str!("../../glsl/shared/disc.glsl")),
     ("shared/cell.glsl", include_str!("../../glsl/shared/cell.glsl")),
     ("shared/tile.glsl", include_str!("../../glsl/shared/tile.glsl")),
     ("shared/gather.glsl", include_str!("../../glsl/shared/gather.glsl")),
@@ -89,7 +94,7 @@ impl Default for Options {
             texture_width_log2: records::TEXTURE_WIDTH_LOG2,
             defines: Vec::new(),
             inject: None,
-            table: "objects",
+            table: "shapes",
             contracted: false,
         }
     }
@@ -165,17 +170,39 @@ impl Source {
     }
 
     fn append(&mut self, file: &'static str, text: &str, options: &Options) {
-        for (index, line) in text.lines().enumerate() {
-            match line.strip_prefix("#include \"").and_then(|rest| rest.strip_suffix('"')) {
-                Some("layout") => self.append("(layout)", &records::prelude(options.inject.as_deref()), options),
-                Some("fields") => self.append("(fields)", &records::field_reads(options.table, false), options),
-                Some("fields same") => self.append("(fields)", &records::field_reads(options.table, true), options),
-                Some(included) => self.include(included, options),
-                None => {
-                    self.text.push_str(line);
-                    self.text.push('\n');
-                    self.lines.push((file, index + 1));
+        let lines: Vec<&str> = text.lines().collect();
+        let mut index = 0;
+        while index < lines.len() {
+            if lines[index] != "#each shape" {
+                self.append_line(file, index + 1, lines[index], options);
+                index += 1;
+                continue;
+            }
+            let block = index + 1;
+            let length = lines[block..].iter().position(|line| *line == "#end each").expect("#each has its #end each");
+            for kind in &SHAPE_KINDS {
+                for (offset, line) in lines[block..block + length].iter().enumerate() {
+                    self.append_line(file, block + offset + 1, &kinds::expand(line, kind), options);
                 }
+            }
+            index = block + length + 1;
+        }
+    }
+
+    fn append_line(&mut self, file: &'static str, number: usize, line: &str, options: &Options) {
+        match line.strip_prefix("#include \"").and_then(|rest| rest.strip_suffix('"')) {
+            Some("layout") => self.append("(layout)", &records::prelude(options.inject.as_deref()), options),
+            Some("fields") => self.append("(fields)", &records::field_reads(options.table, false), options),
+            Some("fields same") => self.append("(fields)", &records::field_reads(options.table, true), options),
+            Some("shapes") => {
+                self.append("(shapes)", &kinds::ranges(), options);
+                kinds::includes().iter().for_each(|line| self.append_line("(shapes)", 0, line, options));
+            }
+            Some(included) => self.include(included, options),
+            None => {
+                self.text.push_str(line);
+                self.text.push('\n');
+                self.lines.push((file, number));
             }
         }
     }
@@ -245,7 +272,7 @@ mod tests {
         let source = assemble("trace.frag", None, &Options::default());
         let at = source.text.lines().position(|l| l.contains("Real hit_plane(")).unwrap();
         let (file, line) = source.lines[at];
-        assert_eq!(file, "shared/intersect.glsl");
+        assert_eq!(file, "shared/shapes/plane.glsl");
         let expected = format!("{file}:{line}: error: 'nope' undeclared\n");
         let number = at + 1;
         for log in [

@@ -4,7 +4,7 @@
 pub mod bsdf;
 pub mod camera;
 pub mod emission;
-pub mod intersect;
 pub mod random;
 pub mod scene;
+pub mod shapes;
 pub mod walk;

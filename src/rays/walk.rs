@@ -142,11 +142,11 @@ pub fn emit_photon(plan: &Plan, emitters: &[Emitter], sampler: Sampler, path: u3
 
 /// What happens to a photon that arrives at a surface: `None` when it is absorbed.
 pub fn scatter(scene: &SceneTables, photon: &Photon, surface: &Surface) -> Option<Photon> {
-    let object = &scene.objects[surface.object];
+    let material = scene.material_of(surface.shape);
     let before = photon.throughput.max_element();
-    let diffuse = photon.throughput * (Vec3::from(object.color) * object.diffuse);
+    let diffuse = photon.throughput * (Vec3::from(material.color) * material.diffuse);
     let after = diffuse.max_element();
-    let specular = if scene.features.glossy { object.specular } else { 0.0 };
+    let specular = if scene.features.glossy { material.specular } else { 0.0 };
     let kept = after + specular * before;
     let limit = if photon.bounce >= 16 && kept > 0.95 * before { 0.95 * before / kept } else { 1.0 };
     let chance = unit_real(number_u(photon.key, 0)) * before;
@@ -171,14 +171,14 @@ pub fn scatter(scene: &SceneTables, photon: &Photon, surface: &Surface) -> Optio
         next.throughput = diffuse * (before / (after * limit));
     } else {
         let to_viewer = -photon.direction;
-        let half_way = sample_ggx(surface.normal, to_viewer, object.roughness, height, turn);
+        let half_way = sample_ggx(surface.normal, to_viewer, material.roughness, height, turn);
         let mirrored = half_way * (2.0 * half_way.dot(to_viewer)) - to_viewer;
         let cosine = mirrored.dot(surface.normal);
         if cosine <= 0.0 {
             return None;
         }
         next.direction = normalize3(mirrored);
-        next.throughput = photon.throughput * (smith_g1(cosine, object.roughness) / limit);
+        next.throughput = photon.throughput * (smith_g1(cosine, material.roughness) / limit);
     }
     Some(next)
 }

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::records::{Frame, Glass, LIGHTS_IN_UNIFORMS, Light, OBJECTS_IN_UNIFORMS, Object, PLANE, SPHERE};
+use crate::records::{Frame, LIGHTS_IN_UNIFORMS, Light, Material, PLANE, SHAPES_IN_UNIFORMS, SPHERE, Shape};
 use crate::scene::{Camera, Scene};
 use crate::settings::Settings;
 
@@ -12,13 +12,22 @@ pub struct Packed {
     /// World position of scene space's origin.
     pub origin: DVec3,
     /// Spheres first, then planes.
-    pub objects: Vec<Object>,
-    /// How many of the objects are spheres.
+    pub shapes: Vec<Shape>,
+    /// One for each shape in their order, or, where shapes are many, each of the scene's once.
+    pub materials: Vec<Material>,
+    /// How many of the shapes are spheres.
     pub sphere_count: usize,
     /// In the file's order.
     pub lights: Vec<Light>,
-    /// One per object in a scene with glass, else empty.
-    pub glasses: Vec<Glass>,
+}
+
+/// Shapes from which on materials are shared: a row of its own for each of them would take more memory than an index
+/// takes time.
+pub const MANY_SHAPES: usize = 4096;
+
+/// Whether shapes name the scene's materials by an index, rather than having a row each in their order.
+pub fn shares_materials(scene: &Scene) -> bool {
+    scene.spheres.len() + scene.planes.len() > MANY_SHAPES
 }
 
 impl Packed {
@@ -27,40 +36,46 @@ impl Packed {
     /// Subtracting it in double precision means that a scene far from the world's origin loses nothing but what its
     /// own numbers had lost already.
     pub fn new(scene: &Scene, origin: DVec3) -> Packed {
-        let object = |anchor: [f32; 3], extent: f64, kind: f32, material: usize| {
-            let material = &scene.materials[material];
-            Object {
-                anchor,
-                extent: extent as f32,
-                kind,
-                roughness: material.roughness as f32,
-                color: material.color.as_vec3().to_array(),
-                ambient: material.ambient as f32,
-                diffuse: material.diffuse as f32,
-                specular: material.specular as f32,
-            }
+        // A row for each shape, in their order, as long as they are few: then nobody has to fetch an index.
+        let used = scene.spheres.iter().map(|s| s.material).chain(scene.planes.iter().map(|p| p.material));
+        let shared = shares_materials(scene);
+        let rows: Vec<usize> = if shared { (0..scene.materials.len()).collect() } else { used.clone().collect() };
+        let shape = |(number, material), anchor: [f32; 3], extent: f64, kind: f32| Shape {
+            anchor,
+            extent: extent as f32,
+            material: if shared { material as f32 } else { number as f32 },
+            kind,
         };
-        let spheres = scene
-            .spheres
-            .iter()
-            .map(|s| object((s.center - origin).as_vec3().to_array(), s.radius, SPHERE, s.material));
+        let mut numbered = used.enumerate();
+        let mut next = || numbered.next().expect("a material a shape");
+        let mut shapes = Vec::new();
+        for sphere in &scene.spheres {
+            shapes.push(shape(next(), (sphere.center - origin).as_vec3().to_array(), sphere.radius, SPHERE));
+        }
         // Normals towards the lights: nearly always all of them, and the camera, are on one side (see
         // `Features::two_sided`).
-        let planes = scene.planes.iter().map(|p| {
-            let away = scene.lights.first().is_some_and(|light| p.normal.dot(light.position) < p.offset);
+        for plane in &scene.planes {
+            let away = scene.lights.first().is_some_and(|light| plane.normal.dot(light.position) < plane.offset);
             let facing = if away { -1.0 } else { 1.0 };
-            let offset = facing * (p.offset - p.normal.dot(origin));
-            object((p.normal * facing).as_vec3().to_array(), offset, PLANE, p.material)
-        });
-        let materials = scene.spheres.iter().map(|s| s.material).chain(scene.planes.iter().map(|p| p.material));
-        let glass = |m: usize| {
-            let material = &scene.materials[m];
-            Glass { transmission: material.transmission as f32, ior: material.ior as f32, reserved: 0.0 }
+            let offset = facing * (plane.offset - plane.normal.dot(origin));
+            shapes.push(shape(next(), (plane.normal * facing).as_vec3().to_array(), offset, PLANE));
+        }
+        let material = |row: &usize| {
+            let material = &scene.materials[*row];
+            Material {
+                color: material.color.as_vec3().to_array(),
+                diffuse: material.diffuse as f32,
+                specular: material.specular as f32,
+                roughness: material.roughness as f32,
+                ambient: material.ambient as f32,
+                transmission: material.transmission as f32,
+                ior: material.ior as f32,
+            }
         };
-        let has_glass = materials.clone().any(|m| scene.materials[m].transmission > 0.0);
         Packed {
             origin,
-            objects: spheres.chain(planes).collect(),
+            shapes,
+            materials: rows.iter().map(material).collect(),
             sphere_count: scene.spheres.len(),
             lights: scene
                 .lights
@@ -70,18 +85,27 @@ impl Packed {
                     intensity: light.intensity.as_vec3().to_array(),
                 })
                 .collect(),
-            glasses: if has_glass { materials.map(glass).collect() } else { Vec::new() },
         }
     }
 
-    /// Whether the records fit into GL's uniforms (see [`OBJECTS_IN_UNIFORMS`]).
-    pub fn in_uniforms(&self) -> bool {
-        self.objects.len() <= OBJECTS_IN_UNIFORMS && self.lights.len() <= LIGHTS_IN_UNIFORMS
+    /// The material of a shape.
+    pub fn material_of(&self, shape: usize) -> &Material {
+        &self.materials[self.shapes[shape].material as usize]
     }
 
-    /// How many of the objects are planes.
+    /// Whether some material has a lobe.
+    pub fn is_glossy(&self) -> bool {
+        self.materials.iter().any(|material| material.specular > 0.0)
+    }
+
+    /// Whether the records fit into GL's uniforms (see [`SHAPES_IN_UNIFORMS`]).
+    pub fn in_uniforms(&self) -> bool {
+        self.shapes.len() <= SHAPES_IN_UNIFORMS && self.lights.len() <= LIGHTS_IN_UNIFORMS
+    }
+
+    /// How many of the shapes are planes.
     pub fn plane_count(&self) -> usize {
-        self.objects.len() - self.sphere_count
+        self.shapes.len() - self.sphere_count
     }
 
     /// The picture's own numbers, for this scene and camera.

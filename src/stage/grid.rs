@@ -15,7 +15,8 @@ use crate::error::Result;
 use crate::plan::cells::{Bounds, CellSize, Form, Plan, photon_density, plan_by_crowd};
 use crate::program::gathering::Method;
 use crate::program::source::{Options, assemble};
-use crate::records::{Face, Gather, Object, PhotonDirection, PhotonPosition, PhotonPower, TEXEL};
+use crate::records::face::faces_of;
+use crate::records::{Face, Gather, PhotonDirection, PhotonPosition, PhotonPower, Shape, TEXEL};
 
 /// A texel, whatever it holds.
 type Texel = [f32; 3];
@@ -204,18 +205,19 @@ impl GridStage {
     pub fn lay_out(
         &mut self,
         context: &Context,
-        objects: &[Object],
+        shapes: &[Shape],
         photons: &Photons,
         wanted: &Wanted,
     ) -> Result<&Grid> {
-        let bounds = self.bounds(context, 2 * objects.len(), photons)?;
+        let bounds = self.bounds(context, faces_of(shapes.len()), photons)?;
         let crowd = || {
             let few = photons.count.min(photon_density::SAMPLE);
             let (positions, faces) = (first(context, photons.positions, few)?, first(context, photons.faces, few)?);
             Ok(photon_density::crowd(&positions, faces.iter().map(|face| *face as u32), photons.count, wanted.radius))
         };
         let size = (wanted.size, wanted.form);
-        let mut plan = plan_by_crowd(objects, &bounds, photons.count, wanted.radius, size, crowd)?;
+        let mut plan =
+            plan_by_crowd(shapes, photons.directions.is_some(), &bounds, photons.count, wanted.radius, size, crowd)?;
         plan.gather.nearest = wanted.nearest as f32;
         self.grid.gather.write(context, &[plan.gather])?;
         self.grid.plan = plan;
@@ -229,8 +231,8 @@ impl GridStage {
     /// # Errors
     /// [`crate::error::Error::Usage`] when floats cannot count the photons or the cells that were asked for;
     /// [`crate::error::Error::Device`] when memory is short.
-    pub fn build(&mut self, context: &Context, objects: &[Object], map: PhotonMap, wanted: &Wanted) -> Result<&Grid> {
-        self.lay_out(context, objects, &map.view(), wanted)?;
+    pub fn build(&mut self, context: &Context, shapes: &[Shape], map: PhotonMap, wanted: &Wanted) -> Result<&Grid> {
+        self.lay_out(context, shapes, &map.view(), wanted)?;
         let (hashed, cells, count) = (self.grid.plan.hashed, self.grid.plan.cells, map.stored);
         let slot = usize::from(hashed);
         if self.kernels[slot].is_none() {

@@ -17,6 +17,7 @@ use crate::plan::tiling;
 use crate::program::features::Features;
 use crate::rays::emission::{self, Emission};
 use crate::records::Frame;
+use crate::records::face::faces_of;
 use crate::records::packing::Packed;
 use crate::settings::Method;
 
@@ -227,23 +228,31 @@ impl MapStage {
             MapStage::Device(map) => {
                 let (Some(stored), Some(packed)) = (map.stored.take(), &map.packed) else { return Err(no_scene()) };
                 if method.reads_stored() {
-                    map.grid.lay_out(&map.context, &packed.objects, &stored.view(), wanted)?;
+                    map.grid.lay_out(&map.context, &packed.shapes, &stored.view(), wanted)?;
                     map.stored = Some(stored);
                     return Ok(false);
                 }
-                let hashed = map.grid.build(&map.context, &packed.objects, stored, wanted)?.plan.hashed;
+                let hashed = map.grid.build(&map.context, &packed.shapes, stored, wanted)?.plan.hashed;
                 map.context.finish()?;
                 Ok(hashed)
             }
             MapStage::Host(map) => {
                 let Some((packed, ..)) = &map.scene else { return Err(no_scene()) };
                 let stored = map.stored.view();
-                let bounds = cpu::grid::grid_bounds(&stored, 2 * packed.objects.len());
+                let bounds = cpu::grid::grid_bounds(&stored, faces_of(packed.shapes.len()));
                 let Wanted { radius, size, form, nearest } = *wanted;
                 let faces = stored.surfaces.iter().map(|surface| cpu::grid::face_of(surface) as u32);
                 let count = map.stored.len();
                 let crowd = || Ok(photon_density::crowd(stored.positions, faces, count, radius));
-                map.plan = cells::plan_by_crowd(&packed.objects, &bounds, count, radius, (size, form), crowd)?;
+                map.plan = cells::plan_by_crowd(
+                    &packed.shapes,
+                    packed.is_glossy(),
+                    &bounds,
+                    count,
+                    radius,
+                    (size, form),
+                    crowd,
+                )?;
                 map.plan.gather.nearest = nearest as f32;
                 map.grid = cpu::grid::grid(&map.stored.view(), &map.plan);
                 Ok(map.plan.hashed)
@@ -265,7 +274,7 @@ impl MapStage {
                     none => none.insert(Box::new(TileStage::new(&map.context)?)),
                 };
                 stage.upload(&map.context, packed, features)?;
-                let pairs = stage.build(&map.context, &packed.objects, frame, &stored.view(), wanted)?.pairs;
+                let pairs = stage.build(&map.context, &packed.shapes, frame, &stored.view(), wanted)?.pairs;
                 map.context.finish()?;
                 Ok(pairs as u64)
             }
@@ -273,7 +282,7 @@ impl MapStage {
                 let Some((packed, ..)) = &map.scene else { return Err(no_scene()) };
                 let scene = crate::rays::scene::SceneTables::new(packed, features);
                 let seen = map.pool.install(|| cpu::tiles::tiles_seen(&scene, frame, wanted.tile));
-                let plan = tiling::plan(&packed.objects, frame, seen, map.stored.len(), wanted)?;
+                let plan = tiling::plan(&packed.shapes, frame, seen, map.stored.len(), wanted)?;
                 let tables = cpu::tiles::tiles(&map.stored.view(), &plan, frame)?;
                 map.plan.gather = plan.gather;
                 let pairs = tables.tile_photons.len() as u64;

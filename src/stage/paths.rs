@@ -7,12 +7,13 @@ use crate::device::cl::{Arg, Buffer, Context, Kernel};
 use crate::error::Result;
 use crate::rays::emission::{COLUMNS_LOG2, Emission, PART_BITS, Plan, ROWS_LOG2, Sampler};
 use crate::records::packing::Packed;
-use crate::records::{Emitter, Frame, Light, Object};
+use crate::records::{Emitter, Frame, Light, Material, Shape};
 
 /// A scene's lights and objects on the device.
 pub struct Paths {
     frame: Buffer<Frame>,
-    objects: Buffer<Object>,
+    shapes: Buffer<Shape>,
+    materials: Buffer<Material>,
     lights: Buffer<Light>,
     counts: Buffer<[u32; 3]>,
     slots: Buffer<u32>,
@@ -67,7 +68,8 @@ impl Paths {
         };
         Ok(Paths {
             frame: Buffer::from_slice(context, &[frame])?,
-            objects: Buffer::from_slice(context, &packed.objects)?,
+            shapes: Buffer::from_slice(context, &packed.shapes)?,
+            materials: Buffer::from_slice(context, &packed.materials)?,
             lights: Buffer::from_slice(context, &packed.lights)?,
             counts: Buffer::from_slice(context, &plan.counts)?,
             slots: Buffer::from_slice(context, &plan.slots)?,
@@ -116,7 +118,8 @@ impl Paths {
 
     /// Arguments that all such kernels begin with; `scene_tables` come behind the scene's own records.
     pub fn args(&self, scene_tables: &[Arg], emitters: &Buffer<Emitter>, range: &Range, stream: u32) -> Vec<Arg> {
-        let mut args: Vec<Arg> = vec![(&self.frame).into(), (&self.objects).into(), (&self.lights).into()];
+        let mut args: Vec<Arg> =
+            vec![(&self.frame).into(), (&self.shapes).into(), (&self.materials).into(), (&self.lights).into()];
         args.extend(scene_tables);
         args.extend([
             Arg::from(emitters),
@@ -153,7 +156,7 @@ impl Paths {
         range: &Range,
         [items, local]: [usize; 2],
     ) -> Result<()> {
-        kernel.pace.expect(self.objects.len() as f64 * f64::from(range.length));
+        kernel.pace.expect(self.shapes.len() as f64 * f64::from(range.length));
         context.launch(kernel, args, &[items], Some(&[local]))
     }
 }

@@ -14,7 +14,7 @@ use crate::plan::tiling::{Plan, Seen, Wanted, check_pairs, plan, tiles_of, withi
 use crate::program::features::Features;
 use crate::program::source::{Options, assemble};
 use crate::records::packing::Packed;
-use crate::records::{Frame, Gather, Light, Object, PhotonDirection, Region, TEXEL, Tile};
+use crate::records::{Frame, Gather, Light, Material, PhotonDirection, Region, Shape, TEXEL, Tile};
 
 /// The tiles' lists on the device. Buffers may be longer than what they hold.
 pub struct Tiles {
@@ -108,7 +108,8 @@ pub struct TileStage {
     /// What lists were last made for: count and fill take another time for others.
     paced_for: Option<Wanted>,
     scratch: Scratch,
-    objects: Buffer<Object>,
+    shapes: Buffer<Shape>,
+    materials: Buffer<Material>,
     lights: Buffer<Light>,
     frame: Buffer<Frame>,
     seen: Buffer<Slot>,
@@ -148,7 +149,8 @@ impl TileStage {
             longest_cell: LongestCell::new(context)?,
             paced_for: None,
             scratch: Scratch::empty(context)?,
-            objects: Buffer::new(context, 0)?,
+            shapes: Buffer::new(context, 0)?,
+            materials: Buffer::new(context, 0)?,
             lights: Buffer::new(context, 0)?,
             frame: Buffer::new(context, 1)?,
             seen: Buffer::new(context, 0)?,
@@ -170,9 +172,11 @@ impl TileStage {
     /// # Errors
     /// [`crate::error::Error::Build`] and [`crate::error::Error::Device`] from the driver.
     pub fn upload(&mut self, context: &Context, packed: &Packed, features: &Features) -> Result<()> {
-        self.objects.fit(context, packed.objects.len())?;
+        self.shapes.fit(context, packed.shapes.len())?;
+        self.materials.fit(context, packed.materials.len())?;
         self.lights.fit(context, packed.lights.len())?;
-        self.objects.write(context, &packed.objects)?;
+        self.shapes.write(context, &packed.shapes)?;
+        self.materials.write(context, &packed.materials)?;
         self.lights.write(context, &packed.lights)?;
         if self.seen_kernel.as_ref().is_none_or(|(built, _)| built != features) {
             let options = Options { lanes: context.device.lanes, ..Options::default() };
@@ -208,7 +212,8 @@ impl TileStage {
             self.seen.fit(context, work_items * slots)?;
             let args = [
                 (&self.frame).into(),
-                (&self.objects).into(),
+                (&self.shapes).into(),
+                (&self.materials).into(),
                 (&self.lights).into(),
                 (&self.seen).into(),
                 (&self.seen_counts).into(),
@@ -220,7 +225,7 @@ impl TileStage {
                 (strip[1] as i32).into(),
                 (slots as i32).into(),
             ];
-            kernel.pace.expect((strip[0] * strip[1]) as f64 * samples as f64 * self.objects.len() as f64);
+            kernel.pace.expect((strip[0] * strip[1]) as f64 * samples as f64 * self.shapes.len() as f64);
             context.launch(kernel, &args, &[work_items], None)?;
             let mut counts = vec![0; work_items];
             self.seen_counts.read(context, &mut counts)?;
@@ -252,13 +257,13 @@ impl TileStage {
     pub fn build(
         &mut self,
         context: &Context,
-        objects: &[Object],
+        shapes: &[Shape],
         frame: &Frame,
         photons: &Photons,
         wanted: &Wanted,
     ) -> Result<&Tiles> {
         let seen = self.seen(context, frame, wanted.tile)?;
-        let plan = plan(objects, frame, seen, photons.count, wanted)?;
+        let plan = plan(shapes, frame, seen, photons.count, wanted)?;
         if self.paced_for.replace(*wanted).is_some_and(|last| !takes_alike(&last, wanted)) {
             self.count.pace.forget();
             self.fill.pace.forget();

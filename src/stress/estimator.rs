@@ -24,7 +24,7 @@ use crate::rays::camera::camera_direction;
 use crate::rays::random::{hash2_u, unit_real};
 use crate::rays::scene::SceneTables;
 use crate::records::packing::Packed;
-use crate::records::{Frame, Object, PLANE, PhotonPosition, PhotonPower};
+use crate::records::{Frame, Material, PLANE, PhotonPosition, PhotonPower, Shape};
 use crate::settings::Backend;
 use crate::stage::grid::{GridStage, Wanted};
 use crate::stage::map::MapView;
@@ -53,17 +53,9 @@ struct Case {
 
 /// A white floor at z = 0.
 fn floor() -> Packed {
-    let object = Object {
-        anchor: [0.0, 0.0, 1.0],
-        extent: 0.0,
-        kind: PLANE,
-        roughness: 0.0,
-        color: [WHITE; 3],
-        ambient: 0.0,
-        diffuse: 1.0,
-        specular: 0.0,
-    };
-    Packed { origin: DVec3::ZERO, objects: vec![object], sphere_count: 0, lights: Vec::new(), glasses: Vec::new() }
+    let shape = Shape { anchor: [0.0, 0.0, 1.0], extent: 0.0, kind: PLANE, ..Shape::default() };
+    let material = Material { color: [WHITE; 3], diffuse: 1.0, ..Material::default() };
+    Packed { origin: DVec3::ZERO, shapes: vec![shape], sphere_count: 0, lights: Vec::new(), materials: vec![material] }
 }
 
 fn features() -> Features {
@@ -121,7 +113,7 @@ fn map(photons: impl ParallelIterator<Item = ([f32; 2], f32)>) -> PhotonTables {
     PhotonTables {
         positions: each.iter().map(|([x, y], _)| PhotonPosition { position: [*x, *y, 0.0] }).collect(),
         powers: each.iter().map(|(_, power)| PhotonPower { power: [*power, 0.5 * power, 0.25 * power] }).collect(),
-        surfaces: vec![PhotonSurface { object: 0.0, side: 1.0, bounce: 1.0 }; each.len()],
+        surfaces: vec![PhotonSurface { shape: 0.0, side: 1.0, bounce: 1.0 }; each.len()],
         directions: Vec::new(),
         emitted: each.len() as u32,
     }
@@ -266,8 +258,8 @@ fn gathered(bench: &Bench, backend: Backend, case: &Case) -> Result<Vec<[f32; 3]
     }
     let stored = photons.view();
     let bounds = cpu::grid::grid_bounds(&stored, 2);
-    let plan = plan(&packed.objects, &bounds, photons.len(), case.radius, CellSize::Auto, Form::Auto)?;
-    let gathering = Gathering { hashed: plan.hashed, ..Gathering::of(&packed.objects, 0, false) };
+    let plan = plan(&packed.shapes, false, &bounds, photons.len(), case.radius, CellSize::Auto, Form::Auto)?;
+    let gathering = Gathering { hashed: plan.hashed, ..Gathering::of(&packed.shapes, 0, false) };
     let permutation = Permutation { features: features(), gathering: Some(gathering), final_gather: None };
     let host = |tracer: &mut dyn Trace| -> Result<Vec<[f32; 3]>> {
         let grid = cpu::grid::grid(&stored, &plan);
@@ -290,7 +282,7 @@ fn gathered(bench: &Bench, backend: Backend, case: &Case) -> Result<Vec<[f32; 3]
                 emitted: photons.emitted,
             };
             let mut stage = GridStage::new(&context)?;
-            let grid = stage.build(&context, &packed.objects, stored, &Wanted::radius(case.radius))?;
+            let grid = stage.build(&context, &packed.shapes, stored, &Wanted::radius(case.radius))?;
             let gathering = Gathering { hashed: grid.plan.hashed, ..gathering };
             let permutation = Permutation { gathering: Some(gathering), ..permutation };
             let view = MapView::Device { context: &context, stored: None, grid, tiles: None };

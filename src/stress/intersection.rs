@@ -13,11 +13,13 @@ use super::{Bench, Fault, Found, Row, Spread, Suite};
 use crate::bench::plot::{Chart, Curve, Look};
 use crate::error::Result;
 use crate::program::features::Features;
-use crate::rays::intersect::{INFINITE, Sides, hit_plane, hit_sphere};
 use crate::rays::random::{hash2_u, unit_real};
 use crate::rays::scene::{Hit, SceneTables};
+use crate::rays::shapes::plane::hit_plane;
+use crate::rays::shapes::sphere::hit_sphere;
+use crate::rays::shapes::{INFINITE, Sides};
 use crate::records::packing::Packed;
-use crate::records::{Object, PLANE, SPHERE};
+use crate::records::{PLANE, SPHERE, Shape};
 use crate::settings::Backend;
 use rayon::prelude::*;
 
@@ -75,7 +77,7 @@ impl Class {
 /// One ray and its object, as the machines get them.
 struct Case {
     class: Class,
-    object: Object,
+    shape: Shape,
     origin: Vec3,
     direction: Vec3,
     on: bool,
@@ -157,8 +159,8 @@ impl Case {
             }
             _ => random.direction(),
         };
-        let object = Object { anchor: center.to_array(), extent: radius as f32, kind: SPHERE, ..Object::default() };
-        Case { class, object, origin, direction: target.as_vec3(), on: class == Class::Leaving, ratio }
+        let shape = Shape { anchor: center.to_array(), extent: radius as f32, kind: SPHERE, ..Shape::default() };
+        Case { class, shape, origin, direction: target.as_vec3(), on: class == Class::Leaving, ratio }
     }
 
     fn plane(class: Class, random: &mut Random) -> Case {
@@ -171,40 +173,40 @@ impl Case {
             _ => random.uniform(0.1, 1.0),
         };
         let direction = normal * cosine + across * (1.0 - cosine * cosine).sqrt();
-        let object = Object {
+        let shape = Shape {
             anchor: normal.as_vec3().to_array(),
             extent: (normal.dot(around) + distance) as f32,
             kind: PLANE,
-            ..Object::default()
+            ..Shape::default()
         };
         let (origin, direction) = (around.as_vec3(), direction.as_vec3());
-        Case { class, object, origin, direction, on: false, ratio: distance }
+        Case { class, shape, origin, direction, on: false, ratio: distance }
     }
 
     fn exact(&self) -> Meeting {
         let (origin, direction) = (self.origin.as_dvec3(), self.direction.as_dvec3());
-        let anchor = Vec3::from(self.object.anchor).as_dvec3();
+        let anchor = Vec3::from(self.shape.anchor).as_dvec3();
         match self.class.is_plane() {
-            true => plane(origin, direction, anchor, f64::from(self.object.extent)),
-            false => sphere(origin, direction, anchor, f64::from(self.object.extent), self.on),
+            true => plane(origin, direction, anchor, f64::from(self.shape.extent)),
+            false => sphere(origin, direction, anchor, f64::from(self.shape.extent), self.on),
         }
     }
 
     /// The largest length that takes part.
     fn length(&self, t: Option<f64>) -> f64 {
         let origin = self.origin.as_dvec3().length();
-        let extent = f64::from(self.object.extent).abs();
+        let extent = f64::from(self.shape.extent).abs();
         let to_anchor = match self.class.is_plane() {
             true => origin,
             // The start's own rounding off the surface counts on both ends of a chord.
             false if self.on => 2.0 * extent,
-            false => (self.origin.as_dvec3() - Vec3::from(self.object.anchor).as_dvec3()).length(),
+            false => (self.origin.as_dvec3() - Vec3::from(self.shape.anchor).as_dvec3()).length(),
         };
         to_anchor.max(extent).max(t.unwrap_or(0.0))
     }
 
     fn by_twin(&self, features: &Features, fault: Option<Fault>) -> Answer {
-        let (anchor, extent) = (Vec3::from(self.object.anchor), self.object.extent);
+        let (anchor, extent) = (Vec3::from(self.shape.anchor), self.shape.extent);
         let sides = Sides::Both { behind: self.on };
         let t = match (self.class.is_plane(), fault) {
             (true, _) => hit_plane(self.origin, self.direction, anchor, extent, self.on, sides),
@@ -212,10 +214,10 @@ impl Case {
             (false, _) => hit_sphere(self.origin, self.direction, anchor, extent, self.on, sides),
         };
         // A scene of this object alone.
-        let objects = std::slice::from_ref(&self.object);
+        let shapes = std::slice::from_ref(&self.shape);
         let sphere_count = usize::from(!self.class.is_plane());
-        let scene = SceneTables { objects, sphere_count, lights: &[], features };
-        let surface = scene.surface_at(self.origin, self.direction, Hit { t, object: 0, from: self.on.then_some(1) });
+        let scene = SceneTables { shapes, materials: &[], sphere_count, lights: &[], features };
+        let surface = scene.surface_at(self.origin, self.direction, Hit { t, shape: 0, from: self.on.then_some(1) });
         let ([px, py, pz], [nx, ny, nz]) = (surface.position.to_array(), surface.normal.to_array());
         [t, px, py, pz, nx, ny, nz, surface.side].map(f32::to_bits)
     }
@@ -271,7 +273,7 @@ impl Errors {
         self.root_by_cosine.push(error * exact.cosine / ulp(length));
         self.relative.push(error / expected);
         let position = DVec3::new(px.into(), py.into(), pz.into());
-        let (anchor, extent) = (Vec3::from(case.object.anchor).as_dvec3(), f64::from(case.object.extent));
+        let (anchor, extent) = (Vec3::from(case.shape.anchor).as_dvec3(), f64::from(case.shape.extent));
         let (off, size) = match case.class.is_plane() {
             true => ((anchor.dot(position) - extent).abs(), position.length().max(extent.abs())),
             false => (((position - anchor).length() - extent).abs(), anchor.length() + extent),
@@ -332,10 +334,10 @@ pub(super) fn run(bench: &mut Bench) -> Result<Found> {
     let exact: Vec<Meeting> = bench.pool.install(|| cases.par_iter().map(Case::exact).collect());
     let packed = Packed {
         origin: DVec3::ZERO,
-        objects: cases.iter().map(|case| case.object).collect(),
+        shapes: cases.iter().map(|case| case.shape).collect(),
         sphere_count: cases.iter().filter(|case| !case.class.is_plane()).count(),
         lights: Vec::new(),
-        glasses: Vec::new(),
+        materials: Vec::new(),
     };
     let rays: Vec<[f32; 3]> = cases
         .iter()

@@ -10,7 +10,7 @@ use crate::pipeline::open_device;
 use crate::program::features::{Features, Lights};
 use crate::program::source::{Options, assemble};
 use crate::records::packing::Packed;
-use crate::records::{Frame, Object, Record, TEXTURE_WIDTH_LOG2};
+use crate::records::{Frame, Record, Shape, TEXTURE_WIDTH_LOG2};
 use crate::settings::Backend;
 
 use super::Fault;
@@ -107,7 +107,7 @@ impl Lab {
         let features = features(task.two_sided, task.in_uniforms && backend == Backend::OpenGl);
         let mut defines = vec![task.body.to_string()];
         defines.extend(task.fault.map(|fault| fault.define()));
-        defines.extend(task.alone.then(|| "OBJECTS_ALONE".to_string()));
+        defines.extend(task.alone.then(|| "SHAPES_ALONE".to_string()));
         defines.extend(task.defines.iter().map(|define| define.to_string()));
         let frame = Frame {
             sphere_count: task.packed.sphere_count as f32,
@@ -138,7 +138,8 @@ impl Lab {
         );
         let kernel = context.kernel(&source, "stress_items")?;
         let frame = Buffer::from_slice(context, std::slice::from_ref(frame))?;
-        let objects = Buffer::from_slice(context, &task.packed.objects)?;
+        let shapes = Buffer::from_slice(context, &task.packed.shapes)?;
+        let materials = Buffer::from_slice(context, &task.packed.materials)?;
         let lights = Buffer::from_slice(context, &task.packed.lights)?;
         let cases = Buffer::from_slice(context, task.cases)?;
         let mut answers = Vec::with_capacity(items.len());
@@ -147,7 +148,8 @@ impl Lab {
             let words = Buffer::<Answer>::new(context, here)?;
             let args = [
                 (&frame).into(),
-                (&objects).into(),
+                (&shapes).into(),
+                (&materials).into(),
                 (&lights).into(),
                 (&cases).into(),
                 (&words).into(),
@@ -178,17 +180,17 @@ impl Lab {
         let target = Target::new(&headless.gl, columns as u32, rows as u32, true)?;
         let batch = columns * rows;
         let mut cases = TableTexture::new(&headless.gl, TEXTURE_WIDTH_LOG2)?;
-        let mut objects = TableTexture::new(&headless.gl, TEXTURE_WIDTH_LOG2)?;
+        let mut shapes = TableTexture::new(&headless.gl, TEXTURE_WIDTH_LOG2)?;
         cases.fill_texels::<[f32; 3]>(task.cases)?;
-        objects.fill(&task.packed.objects)?;
+        shapes.fill(&task.packed.shapes)?;
         // A name that is an array of uniforms is no sampler.
-        program.activate(if features.in_uniforms { &["cases"] } else { &["cases", Object::TABLE] });
+        program.activate(if features.in_uniforms { &["cases"] } else { &["cases", Shape::TABLE] });
         program.set_records(std::slice::from_ref(frame));
         cases.bind(0);
         if features.in_uniforms {
-            program.set_records(&task.packed.objects);
+            program.set_records(&task.packed.shapes);
         } else {
-            objects.bind(1);
+            shapes.bind(1);
         }
         program.set_int("stride", columns as i32);
         let mut answers = Vec::with_capacity(items.len());

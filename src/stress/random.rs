@@ -51,7 +51,7 @@ pub(super) fn run(bench: &mut Bench) -> Result<Found> {
     let cases: Vec<[f32; 3]> = counters.iter().flat_map(|(a, b)| [split(*a), split(*b)]).collect();
     let expected: Vec<Answer> = counters.par_iter().map(|pair| twin(*pair, None)).collect();
     let packed =
-        Packed { origin: DVec3::ZERO, objects: Vec::new(), sphere_count: 0, lights: Vec::new(), glasses: Vec::new() };
+        Packed { origin: DVec3::ZERO, shapes: Vec::new(), sphere_count: 0, lights: Vec::new(), materials: Vec::new() };
     for backend in bench.backends() {
         bench.step(&format!("random: counters, {}", backend.name()));
         let answers = match backend {

@@ -5,7 +5,7 @@ use crate::device::cl::{self, Buffer};
 use crate::device::gl::{Headless, Program, TableTexture, Target};
 use crate::error::{Error, Result};
 use crate::program::source::{Options, Source, assemble};
-use crate::records::{Declaration, Field, Glass, MAX_EXACT_INDEX, RECORDS, Record, TEXEL};
+use crate::records::{Declaration, Field, MAX_EXACT_INDEX, RECORDS, Record, TEXEL, Texel};
 
 /// How a field was read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -40,7 +40,7 @@ pub struct Check {
     pub wrong: Option<String>,
 }
 
-/// The define of small scenes, see [`crate::records::OBJECTS_IN_UNIFORMS`].
+/// The define of small scenes, see [`crate::records::SHAPES_IN_UNIFORMS`].
 const IN_UNIFORMS: &str = "SCENE_IN_UNIFORMS";
 
 /// Counts that wrap, fill and overflow rows, and a million for real.
@@ -79,9 +79,9 @@ pub fn validate(readers: &Readers, inject: Option<&str>, mut done: impl FnMut(&C
     }
     // The last records below 2²⁴, the largest index that a float holds exactly.
     let last = MAX_EXACT_INDEX as usize;
-    let glass = RECORDS.iter().find(|r| r.name == Glass::NAME).expect("glass is declared");
-    let floats = pattern(last * glass.texels * TEXEL, 7);
-    check_one(readers, glass, &floats, last - 256, inject, &mut add)?;
+    let narrow = RECORDS.iter().find(|r| r.name == Texel::NAME).expect("texels are declared");
+    let floats = pattern(last * narrow.texels * TEXEL, 7);
+    check_one(readers, narrow, &floats, last - 256, inject, &mut add)?;
     Ok(checks)
 }
 

@@ -60,7 +60,7 @@ impl Request {
             method: self.settings.gather.method,
             density_kernel: self.settings.gather.density_kernel,
             light: self.settings.light,
-            gathering: Gathering::of(&packed.objects, packed.sphere_count, is_divided(&self.scene)),
+            gathering: Gathering::of(&packed.shapes, packed.sphere_count, is_divided(&self.scene)),
         }
     }
 

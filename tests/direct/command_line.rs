@@ -293,12 +293,12 @@ fn plan_lists_what_is_used_and_prints_what_the_driver_gets() {
     assert_eq!(feature("HAS_PLANE_SHADOWS")["used"], false, "nothing but walls around camera and light");
     assert!(feature("HAS_PLANE_SHADOWS")["why"].as_str().unwrap().contains("0 of 6 planes"));
     let uploads = json["uploads"].as_array().unwrap();
-    let objects = uploads.iter().find(|table| table["table"] == "objects").unwrap();
-    // 12 floats in four texels each.
-    assert_eq!(
-        (objects["records"].as_u64(), objects["texels"].as_u64(), objects["bytes"].as_u64()),
-        (Some(8), Some(32), Some(384))
-    );
+    // Six floats in two texels each, and nine in three.
+    for (name, texels, bytes) in [("shapes", 16, 192), ("materials", 24, 288)] {
+        let table = uploads.iter().find(|table| table["table"] == name).unwrap();
+        let found = ["records", "texels", "bytes"].map(|key| table[key].as_u64());
+        assert_eq!(found, [Some(8), Some(texels), Some(bytes)], "{name}");
+    }
 
     let furnace = scene_path("furnace").display().to_string();
     let shader = run(&["plan", &furnace, "--light", "direct", "--source", "trace.frag"]).ends(0, &[]).stdout;

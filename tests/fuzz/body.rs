@@ -11,7 +11,7 @@ pub fn parse(bytes: &[u8]) -> bool {
             // Packing must not meet a number that float32 cannot hold.
             let packed = photile::records::packing::Packed::new(&scene, scene.camera.position);
             let held = |v: &[f32]| v.iter().all(|x| x.is_finite());
-            assert!(packed.objects.iter().all(|o| held(&o.anchor) && o.extent.is_finite()));
+            assert!(packed.shapes.iter().all(|o| held(&o.anchor) && o.extent.is_finite()));
             assert!(packed.lights.iter().all(|l| held(&l.position) && held(&l.intensity)));
             true
         }

@@ -14,13 +14,13 @@ use photile::program::source::{Options, assemble};
 use photile::rays::camera::camera_direction;
 use photile::rays::scene::{SceneTables, Surface};
 use photile::records::packing::Packed;
-use photile::records::{Frame, Object, SPHERE};
+use photile::records::{Frame, Material, SPHERE, Shape};
 use photile::stage::grid::{Grid, GridStage, Wanted};
 use photile::stage::photon_map::PhotonMap;
 use photile::stage::photon_textures::PhotonTextures;
 
 use super::timings::closed_room;
-use super::{Map, ROOM_SPHERES, Random, device, room, room_photons, surface_point, upload};
+use super::{Map, ROOM_SPHERES, Random, device, packed_of, room, room_material, room_photons, surface_point, upload};
 
 const WIDTH: usize = 64;
 const HEIGHT: usize = 48;
@@ -42,7 +42,7 @@ pub fn features() -> Features {
 }
 
 fn packed() -> Packed {
-    Packed { origin: DVec3::ZERO, objects: room(), sphere_count: ROOM_SPHERES, lights: Vec::new(), glasses: Vec::new() }
+    packed_of(room(), ROOM_SPHERES, room_material())
 }
 
 /// A wide view into the room's corners.
@@ -71,11 +71,11 @@ fn built<'a>(
     wanted: &Wanted,
     method: Method,
 ) -> (&'a Grid, Option<PhotonMap>) {
-    let objects = packed().objects;
+    let shapes = packed().shapes;
     if method.reads_stored() {
-        return (stage.lay_out(context, &objects, &map.view(), wanted).unwrap(), Some(map));
+        return (stage.lay_out(context, &shapes, &map.view(), wanted).unwrap(), Some(map));
     }
-    (stage.build(context, &objects, map, wanted).unwrap(), None)
+    (stage.build(context, &shapes, map, wanted).unwrap(), None)
 }
 
 fn on_device(
@@ -94,10 +94,10 @@ fn on_device(
     let options = Options { lanes, defines: gathering.defines(), ..Options::default() };
     let kernel = context.kernel(&assemble("trace.cl", Some(&features()), &options), "trace").unwrap();
     let frame = Buffer::from_slice(context, &[frame()]).unwrap();
-    let objects = Buffer::from_slice(context, &packed.objects).unwrap();
+    let shapes = Buffer::from_slice(context, &packed.shapes).unwrap();
     let lights = Buffer::from_slice(context, &packed.lights).unwrap();
     let film = Buffer::<[f32; 3]>::new(context, WIDTH * HEIGHT).unwrap();
-    let mut args: Vec<Arg> = vec![(&frame).into(), (&objects).into(), (&lights).into()];
+    let mut args: Vec<Arg> = vec![(&frame).into(), (&shapes).into(), (&lights).into()];
     args.extend(grid.args(stored.as_ref(), gathering.method).unwrap());
     // As many bands as rows, one after the other: uncut.
     let [width, bands] = [WIDTH, HEIGHT].map(|n| Arg::Int(n as i32));
@@ -127,7 +127,7 @@ fn on_gl(
     let target = Target::new(&headless.gl, WIDTH as u32, HEIGHT as u32, false).unwrap();
     program.activate(&PhotonTextures::SAMPLERS);
     program.set_records(&[frame()]);
-    program.set_records(&packed.objects);
+    program.set_records(&packed.shapes);
     photons.bind(&program, 0);
     target.draw(&program).unwrap();
     target.read().iter().map(|[r, g, b, _]| [*r, *g, *b].map(f32::from_bits)).collect()
@@ -141,7 +141,7 @@ fn in_grid<'a>(map: &'a Map, gathering: &'a Gathering, plan: &'a Plan, grid: &'a
 fn by_twin(map: &Map, wanted: &Wanted, gathering: Gathering) -> Vec<[f32; 3]> {
     let (packed, features, frame) = (packed(), features(), frame());
     let scene = SceneTables::new(&packed, &features);
-    let mut plan = map.plan(&packed.objects, wanted.radius, wanted.size, wanted.form);
+    let mut plan = map.plan(&packed.shapes, wanted.radius, wanted.size, wanted.form);
     plan.gather.nearest = wanted.nearest as f32;
     let tables = grid(&map.tables(), &plan);
     let gathering = Gathering { hashed: plan.hashed, ..gathering };
@@ -236,7 +236,7 @@ fn share_of_truth_in_corners(gathering: Gathering) -> f32 {
     map.powers.iter_mut().for_each(|p| p.power = [1.0; 3]);
     let features = Features { spheres: false, glossy: false, ..features() };
     let scene = SceneTables::new(&packed, &features);
-    let plan = map.plan(&packed.objects, 0.5, CellSize::Auto, Form::Auto);
+    let plan = map.plan(&packed.shapes, 0.5, CellSize::Auto, Form::Auto);
     let tables = grid(&map.tables(), &plan);
     let map = in_grid(&map, &gathering, &plan, &tables);
     let (mut random, queries, mut sum) = (Random::new(15), 400, 0.0);
@@ -244,8 +244,8 @@ fn share_of_truth_in_corners(gathering: Gathering) -> f32 {
         let corner = [0, 1, 2].map(|_| if random.uniform(0.0, 1.0) < 0.5 { -1.0 } else { 1.0 });
         let inwards = [random.uniform(0.0, 0.17), 0.0, random.uniform(0.0, 0.17)];
         let position = Vec3::from([3.0, 2.0, 3.0]) * Vec3::from(corner) - Vec3::from(corner) * Vec3::from(inwards);
-        let (object, side) = if corner[1] < 0.0 { (2, 1.0) } else { (3, -1.0) };
-        let surface = Surface { position, normal: Vec3::Y * side, object, side };
+        let (shape, side) = if corner[1] < 0.0 { (2, 1.0) } else { (3, -1.0) };
+        let surface = Surface { position, normal: Vec3::Y * side, shape, side };
         sum += photon_radiance(&scene, &map, &surface, surface.normal, 0).x;
     }
     // 168 m² of walls; albedo 0.7.
@@ -321,7 +321,7 @@ fn every_kernel_is_the_twins_in_both_languages() {
 
 /// Radiance of the k nearest photons around a point of the closed room by the definition, from all photons of its face.
 fn by_sorting(map: &Map, surface: &Surface, k: usize, radius: f64) -> f64 {
-    let face = 2 * surface.object + usize::from(surface.side < 0.0);
+    let face = 2 * surface.shape + usize::from(surface.side < 0.0);
     let mut near: Vec<(f64, f64)> = (0..map.positions.len())
         .filter(|i| face_of(&map.surfaces[*i]) == face)
         .map(|i| {
@@ -348,14 +348,14 @@ fn the_k_nearest_are_those_of_a_sorted_list() {
     let mut random = Random::new(18);
     let points: Vec<Surface> = (0..200)
         .map(|_| {
-            let object = random.below(6);
-            let position = Vec3::from(surface_point(&packed.objects[object], &mut random));
-            let side = if object % 2 == 0 { 1.0 } else { -1.0 };
-            Surface { position, normal: side * Vec3::from(packed.objects[object].anchor), object, side }
+            let shape = random.below(6);
+            let position = Vec3::from(surface_point(&packed.shapes[shape], &mut random));
+            let side = if shape % 2 == 0 { 1.0 } else { -1.0 };
+            Surface { position, normal: side * Vec3::from(packed.shapes[shape].anchor), shape, side }
         })
         .collect();
     for form in [Form::Dense, Form::Hashed(Some(2))] {
-        let mut plan = map.plan(&packed.objects, radius, CellSize::Auto, form);
+        let mut plan = map.plan(&packed.shapes, radius, CellSize::Auto, form);
         let tables = grid(&map.tables(), &plan);
         for k in [1usize, 2, 10, 50, 256] {
             plan.gather.nearest = k as f32;
@@ -400,7 +400,7 @@ fn the_device_takes_the_k_nearest_of_either_form() {
 }
 
 /// Photons of equal power spread evenly over a sphere, inside and out: on a spiral (Vogel 1979).
-fn even_sphere(sphere: &Object, photons: usize) -> Map {
+fn even_sphere(sphere: &Shape, photons: usize) -> Map {
     let mut map = Map::default();
     let mut random = Random::new(19);
     for i in 0..photons {
@@ -421,17 +421,15 @@ fn even_sphere(sphere: &Object, photons: usize) -> Map {
 fn an_even_sphere_is_as_bright_in_discs_of_every_size() {
     let photons = 200_000;
     let extent = 1.5;
-    let sphere =
-        Object { anchor: [0.3, -0.2, 0.1], extent, kind: SPHERE, color: [1.0; 3], diffuse: 1.0, ..Object::default() };
+    let sphere = Shape { anchor: [0.3, -0.2, 0.1], extent, kind: SPHERE, ..Shape::default() };
     let map = even_sphere(&sphere, photons);
-    let packed =
-        Packed { origin: DVec3::ZERO, objects: vec![sphere], sphere_count: 1, lights: Vec::new(), glasses: Vec::new() };
+    let packed = packed_of(vec![sphere], 1, Material { color: [1.0; 3], diffuse: 1.0, ..Material::default() });
     let features = Features { planes: false, glossy: false, ..features() };
     let scene = SceneTables::new(&packed, &features);
     let truth = photons as f64 / (4.0 * PI * f64::from(extent).powi(2));
     for share in [0.05, 0.2, 0.7, 1.3, 1.9] {
         let radius = share as f32 * extent;
-        let plan = map.plan(&packed.objects, radius, CellSize::Auto, Form::Auto);
+        let plan = map.plan(&packed.shapes, radius, CellSize::Auto, Form::Auto);
         let tables = grid(&map.tables(), &plan);
         // A ball cuts a cap of π·r² out of the sphere, so every kernel's integral over it is that over a flat disc.
         let within = photons as f64 * share * share / 4.0;
@@ -447,7 +445,7 @@ fn an_even_sphere_is_as_bright_in_discs_of_every_size() {
                 let normal = Vec3::from(random.direction());
                 let side = if number % 2 == 0 { 1.0 } else { -1.0 };
                 let position = Vec3::from(sphere.anchor) + normal * extent;
-                let surface = Surface { position, normal: normal * side, object: 0, side };
+                let surface = Surface { position, normal: normal * side, shape: 0, side };
                 let flux_density = PI * f64::from(photon_radiance(&scene, &seen, &surface, surface.normal, 0).x);
                 let off = |flux_density: f64| (flux_density / truth - 1.0).abs();
                 assert!(off(flux_density) < tolerance, "{kernel:?}, {share} radii: {flux_density} for {truth}");

@@ -15,12 +15,14 @@ mod timings;
 use std::ops::Deref;
 use std::sync::{Mutex, MutexGuard};
 
+use glam::DVec3;
 use photile::cpu::grid::{PhotonSurface, PhotonTables, face_of, grid_bounds};
 use photile::device::cl::{Context, devices};
 use photile::pipeline::open_device;
 use photile::plan::cells::{CellSize, Form, Plan, plan};
 use photile::rays::random::{hash2_u, unit_real};
-use photile::records::{Object, PLANE, PhotonDirection, PhotonPosition, PhotonPower, SPHERE};
+use photile::records::packing::Packed;
+use photile::records::{Material, PLANE, PhotonDirection, PhotonPosition, PhotonPower, SPHERE, Shape};
 use photile::stage::photon_map::PhotonMap;
 
 /// A stream of uniform reals, the same everywhere.
@@ -62,10 +64,10 @@ pub struct Map {
 }
 
 impl Map {
-    pub fn push(&mut self, position: [f32; 3], object: usize, side: f32, random: &mut Random) {
+    pub fn push(&mut self, position: [f32; 3], shape: usize, side: f32, random: &mut Random) {
         self.positions.push(PhotonPosition { position });
         self.powers.push(PhotonPower { power: [0, 1, 2].map(|_| random.uniform(0.5, 1.5)) });
-        self.surfaces.push(PhotonSurface { object: object as f32, side, bounce: 1.0 });
+        self.surfaces.push(PhotonSurface { shape: shape as f32, side, bounce: 1.0 });
         self.directions.push(PhotonDirection { direction: random.direction() });
     }
 
@@ -82,9 +84,9 @@ impl Map {
         }
     }
 
-    pub fn plan(&self, objects: &[Object], radius: f32, size: CellSize, form: Form) -> Plan {
-        let bounds = grid_bounds(&self.tables(), 2 * objects.len());
-        plan(objects, &bounds, self.len(), radius, size, form).unwrap()
+    pub fn plan(&self, shapes: &[Shape], radius: f32, size: CellSize, form: Form) -> Plan {
+        let bounds = grid_bounds(&self.tables(), 2 * shapes.len());
+        plan(shapes, true, &bounds, self.len(), radius, size, form).unwrap()
     }
 }
 
@@ -95,54 +97,57 @@ pub fn upload(context: &Context, map: &Map) -> PhotonMap {
 }
 
 /// A room of 6 × 4 × 6 m around the origin with an oblique wall, and spheres: one free, one cut by a wall.
-pub fn room() -> Vec<Object> {
-    let object = |anchor, extent, kind| Object {
-        anchor,
-        extent,
-        kind,
-        roughness: 0.3,
-        color: [0.8, 0.7, 0.6],
-        ambient: 0.0,
-        diffuse: 0.75,
-        specular: 0.25,
-    };
+pub fn room() -> Vec<Shape> {
+    let shape = |anchor, extent, kind| Shape { anchor, extent, kind, ..Shape::default() };
     let slant = 0.5f32.sqrt();
     vec![
-        object([-1.0, -1.0, 0.0], 0.8, SPHERE),
-        object([3.0, 0.0, -1.0], 1.0, SPHERE),
-        object([1.0, 0.0, 0.0], -3.0, PLANE),
-        object([1.0, 0.0, 0.0], 3.0, PLANE),
-        object([0.0, 1.0, 0.0], -2.0, PLANE),
-        object([0.0, 1.0, 0.0], 2.0, PLANE),
-        object([0.0, 0.0, 1.0], -3.0, PLANE),
-        object([0.0, 0.0, 1.0], 3.0, PLANE),
-        object([slant, 0.0, slant], 3.2, PLANE),
+        shape([-1.0, -1.0, 0.0], 0.8, SPHERE),
+        shape([3.0, 0.0, -1.0], 1.0, SPHERE),
+        shape([1.0, 0.0, 0.0], -3.0, PLANE),
+        shape([1.0, 0.0, 0.0], 3.0, PLANE),
+        shape([0.0, 1.0, 0.0], -2.0, PLANE),
+        shape([0.0, 1.0, 0.0], 2.0, PLANE),
+        shape([0.0, 0.0, 1.0], -3.0, PLANE),
+        shape([0.0, 0.0, 1.0], 3.0, PLANE),
+        shape([slant, 0.0, slant], 3.2, PLANE),
     ]
 }
 
 pub const ROOM_SPHERES: usize = 2;
 
+/// Of all of the room's surfaces.
+pub fn room_material() -> Material {
+    Material { roughness: 0.3, color: [0.8, 0.7, 0.6], diffuse: 0.75, specular: 0.25, ..Material::default() }
+}
+
+/// Shapes as a scene of theirs alone, each with a row of one and the same material.
+pub fn packed_of(mut shapes: Vec<Shape>, sphere_count: usize, material: Material) -> Packed {
+    (0..shapes.len()).for_each(|number| shapes[number].material = number as f32);
+    let materials = vec![material; shapes.len()];
+    Packed { origin: DVec3::ZERO, shapes, materials, sphere_count, lights: Vec::new() }
+}
+
 /// Uniform points on the room's surfaces, both sides of each.
 pub fn room_photons(count: usize, seed: u32) -> Map {
-    let (objects, mut random, mut map) = (room(), Random::new(seed), Map::default());
+    let (shapes, mut random, mut map) = (room(), Random::new(seed), Map::default());
     for _ in 0..count {
-        let number = random.below(objects.len());
+        let number = random.below(shapes.len());
         let side = if random.uniform(0.0, 1.0) < 0.8 { 1.0 } else { -1.0 };
-        let position = surface_point(&objects[number], &mut random);
+        let position = surface_point(&shapes[number], &mut random);
         map.push(position, number, side, &mut random);
     }
     map
 }
 
 /// A point of an object, within the room's box where it is a plane.
-pub fn surface_point(object: &Object, random: &mut Random) -> [f32; 3] {
-    if object.kind == SPHERE {
+pub fn surface_point(shape: &Shape, random: &mut Random) -> [f32; 3] {
+    if shape.kind == SPHERE {
         let d = random.direction();
-        return [0, 1, 2].map(|axis| object.anchor[axis] + d[axis] * object.extent);
+        return [0, 1, 2].map(|axis| shape.anchor[axis] + d[axis] * shape.extent);
     }
     let p = [random.uniform(-3.0, 3.0), random.uniform(-2.0, 2.0), random.uniform(-3.0, 3.0)];
-    let off = object.extent - (0..3).map(|axis| object.anchor[axis] * p[axis]).sum::<f32>();
-    [0, 1, 2].map(|axis| p[axis] + off * object.anchor[axis])
+    let off = shape.extent - (0..3).map(|axis| shape.anchor[axis] * p[axis]).sum::<f32>();
+    [0, 1, 2].map(|axis| p[axis] + off * shape.anchor[axis])
 }
 
 /// A device for one test.

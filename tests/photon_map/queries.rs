@@ -46,22 +46,22 @@ fn shared(map: &Map, plan: &Plan, face: usize, point: Vec3, around: &[u32]) -> u
 /// Queries on and off the surfaces, and exactly on cells' borders; returns how many photons were found in all, and how
 /// many of them only their rows kept from being found twice.
 fn check(map: &Map, radius: f32, size: CellSize, form: Form, queries: usize) -> [usize; 2] {
-    let objects = room();
-    let plan = map.plan(&objects, radius, size, form);
+    let shapes = room();
+    let plan = map.plan(&shapes, radius, size, form);
     let tables = grid(&map.tables(), &plan);
     let gathering = Gathering { hashed: plan.hashed, ..Gathering::default() };
     let seen = PhotonMap { gathering: &gathering, plan: &plan, stored: map.tables(), grid: &tables, tiles: None };
     let mut random = Random::new(99);
     let mut found = [0; 2];
     for number in 0..queries {
-        let object = random.below(objects.len());
-        let mut p = surface_point(&objects[object], &mut random);
+        let shape = random.below(shapes.len());
+        let mut p = surface_point(&shapes[shape], &mut random);
         if number % 3 == 0 {
             let axis = random.below(3);
             let cell = plan.gather.cell[axis];
             p[axis] = (p[axis] / cell).round() * cell;
         }
-        let face = 2 * object + usize::from(number % 5 == 0);
+        let face = 2 * shape + usize::from(number % 5 == 0);
         let (expected, answered) = (truth(map, face, p.into(), radius), answer(&seen, &tables, face, p.into()));
         assert_eq!(answered, expected, "query {number} at {p:?} on face {face}, R = {radius}, {form:?}, {size:?}");
         found[0] += expected.len();

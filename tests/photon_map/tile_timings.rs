@@ -87,8 +87,8 @@ fn candidates_of_an_accepted_photon() {
             let plan_of_paths = emission::Plan::new(&packed).unwrap();
             let stored = photile::cpu::photons::photons(&tables, &plan_of_paths, &emission).unwrap();
             let view = stored.view();
-            let bounds = grid_bounds(&view, 2 * packed.objects.len());
-            let cells = plan(&packed.objects, &bounds, stored.len(), radius, CellSize::Auto, Form::Auto).unwrap();
+            let bounds = grid_bounds(&view, 2 * packed.shapes.len());
+            let cells = plan(&packed.shapes, false, &bounds, stored.len(), radius, CellSize::Auto, Form::Auto).unwrap();
             let sorted = grid(&view, &cells);
             let gathering = Gathering { hashed: cells.hashed, ..Gathering::default() };
             let map = PhotonMap { gathering: &gathering, plan: &cells, stored: view, grid: &sorted, tiles: None };
@@ -100,7 +100,7 @@ fn candidates_of_an_accepted_photon() {
                     let direction = camera_direction(&frame, x as f32 + 0.5, y as f32 + 0.5);
                     let hit = tables.closest_hit(frame.position.into(), direction, None)?;
                     let s = tables.surface_at(frame.position.into(), direction, hit);
-                    Some((x, y, 2 * s.object + usize::from(s.side < 0.0), s.position))
+                    Some((x, y, 2 * s.shape + usize::from(s.side < 0.0), s.position))
                 })
                 .collect();
             let (mut accepted, mut candidates) = (0, 0);
@@ -116,7 +116,7 @@ fn candidates_of_an_accepted_photon() {
             for (cells, tile) in [false, true].into_iter().flat_map(|cells| TILES.map(|tile| (cells, tile))) {
                 let wanted = tiling::Wanted { radius, tile, cells };
                 let seen = tiles_seen(&tables, &frame, tile);
-                let plan = tiling::plan(&packed.objects, &frame, seen, stored.len(), &wanted).unwrap();
+                let plan = tiling::plan(&packed.shapes, &frame, seen, stored.len(), &wanted).unwrap();
                 let lists = tiles(&view, &plan, &frame).unwrap();
                 let mut candidates = 0usize;
                 for &(x, y, face, p) in &points {

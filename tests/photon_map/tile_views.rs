@@ -43,14 +43,14 @@ fn radii() -> impl Strategy<Value = f32> {
 fn photons_around(frame: &Frame, count: usize, seed: u32) -> Map {
     let mut map = room_photons(count, seed);
     let mut random = Random::new(seed ^ 0x5bd1);
-    for (number, object) in room().iter().enumerate() {
+    for (number, shape) in room().iter().enumerate() {
         for _ in 0..4 {
             let near: [f32; 3] = std::array::from_fn(|axis| frame.position[axis] + random.uniform(-0.5, 0.5));
-            let off = object.extent - Vec3::from(object.anchor).dot(near.into());
+            let off = shape.extent - Vec3::from(shape.anchor).dot(near.into());
             // Of spheres any point will do.
             let position = match number {
-                0 | 1 => surface_point(object, &mut random),
-                _ => (Vec3::from(near) + off * Vec3::from(object.anchor)).to_array(),
+                0 | 1 => surface_point(shape, &mut random),
+                _ => (Vec3::from(near) + off * Vec3::from(shape.anchor)).to_array(),
             };
             map.push(position, number, if random.uniform(0.0, 1.0) < 0.5 { 1.0 } else { -1.0 }, &mut random);
         }
@@ -93,7 +93,7 @@ fn plan_of(frame: &Frame, photons: usize, wanted: &Wanted) -> Plan {
     let packed = packed();
     let features = Features { one_sample: frame.samples == 1.0, ..FEATURES };
     let seen = tiles_seen(&SceneTables::new(&packed, &features), frame, wanted.tile);
-    tiling::plan(&packed.objects, frame, seen, photons, wanted).unwrap()
+    tiling::plan(&packed.shapes, frame, seen, photons, wanted).unwrap()
 }
 
 /// What a pixel's ray hits.
@@ -112,7 +112,7 @@ fn pixels(frame: &Frame) -> Vec<Seen> {
         let direction = sample_direction(frame, true, pixel[0], pixel[1], 0);
         let hit = scene.closest_hit(frame.position.into(), direction, None)?;
         let surface = scene.surface_at(frame.position.into(), direction, hit);
-        let face = 2 * surface.object + usize::from(surface.side < 0.0);
+        let face = 2 * surface.shape + usize::from(surface.side < 0.0);
         Some(Seen { pixel, direction, face, position: surface.position })
     };
     let pixels = (0..frame.height as u32).flat_map(|row| (0..frame.width as u32).map(move |column| [column, row]));
@@ -247,10 +247,11 @@ fn black_and_unlit_surfaces_gather_nothing_and_empty_tiles_cost_nothing() {
     // A floor and a wall under the sky, seen from the front over the zenith to the back. The floor is black, the wall
     // unlit.
     let mut packed = packed();
-    packed.objects = vec![room()[4], room()[6]];
+    packed.shapes = vec![room()[4], room()[6]];
     packed.sphere_count = 0;
-    packed.objects[0].diffuse = 0.0;
-    packed.objects[0].specular = 0.0;
+    (packed.shapes[0].material, packed.shapes[1].material) = (0.0, 1.0);
+    packed.materials[0].diffuse = 0.0;
+    packed.materials[0].specular = 0.0;
     let features = Features { spheres: false, ..FEATURES };
     let view = Frame { sphere_count: 0.0, plane_count: 2.0, ..frame(Vec3::ZERO, Vec3::new(0.0, 1.0, -0.5), 170.0, 1) };
     let mut random = Random::new(31);
@@ -266,7 +267,7 @@ fn black_and_unlit_surfaces_gather_nothing_and_empty_tiles_cost_nothing() {
     for cells in [false, true] {
         let wanted = Wanted { radius: 0.5, tile: [8, 8], cells };
         let seen = tiles_seen(&SceneTables::new(&packed, &features), &view, wanted.tile);
-        let plan = tiling::plan(&packed.objects, &view, seen, map.len(), &wanted).unwrap();
+        let plan = tiling::plan(&packed.shapes, &view, seen, map.len(), &wanted).unwrap();
         // The black floor has no regions: what sees it alone is as empty as the sky.
         assert!(plan.regions.iter().all(|region| region.face as usize / 2 == 1));
         let empty = plan.tiles.iter().filter(|tile| tile.count == 0.0).count();
@@ -276,7 +277,7 @@ fn black_and_unlit_surfaces_gather_nothing_and_empty_tiles_cost_nothing() {
         // The unlit wall's lists are there, and nothing is on them.
         let twin = tiles(&map.tables(), &plan, &view).unwrap();
         assert!(!plan.regions.is_empty() && twin.tile_photons.is_empty());
-        let made = stage.build(&context, &packed.objects, &view, &uploaded.view(), &wanted).unwrap();
+        let made = stage.build(&context, &packed.shapes, &view, &uploaded.view(), &wanted).unwrap();
         assert_eq!((made.pairs, made.plan.tiles.len()), (0, plan.tiles.len()));
         // A photon on the wall is gathered: what is unlit is told from what is lit by photons alone.
         let mut lit = map.clone();

@@ -1,6 +1,6 @@
 //! Screen-space tiles: nothing that brute force accepts is missing, device against twin, pictures against the grid's.
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 use photile::cpu::gather::{PhotonMap, near};
 use photile::cpu::grid::{GridTables, face_of};
 use photile::cpu::tiles::{find_region, slopes, tile_at, tiles, tiles_seen};
@@ -20,7 +20,9 @@ use photile::scene::{Scene, load};
 use photile::settings::{Amount, Backend, Gather, Settings};
 use photile::stage::tiles::TileStage;
 
-use super::{Device, Map, ROOM_SPHERES, Random, device, like_a_gpu, room, room_photons, upload};
+use super::{
+    Device, Map, ROOM_SPHERES, Random, device, like_a_gpu, packed_of, room, room_material, room_photons, upload,
+};
 
 pub const FEATURES: Features = Features {
     spheres: true,
@@ -37,7 +39,7 @@ pub const FEATURES: Features = Features {
 };
 
 pub fn packed() -> Packed {
-    Packed { origin: DVec3::ZERO, objects: room(), sphere_count: ROOM_SPHERES, lights: Vec::new(), glasses: Vec::new() }
+    packed_of(room(), ROOM_SPHERES, room_material())
 }
 
 /// A view from inside the room, of 40 × 30 pixels.
@@ -75,7 +77,7 @@ pub fn missing(map: &Map, frame: &Frame, wanted: &Wanted, queried: f32) -> [usiz
     let features = Features { one_sample: frame.samples == 1.0, ..FEATURES };
     let scene = SceneTables::new(&packed, &features);
     let seen = tiles_seen(&scene, frame, wanted.tile);
-    let mut plan = plan(&packed.objects, frame, seen, map.len(), wanted).unwrap();
+    let mut plan = plan(&packed.shapes, frame, seen, map.len(), wanted).unwrap();
     let tables = tiles(&map.tables(), &plan, frame).unwrap();
     plan.gather.radius = queried;
     plan.gather.inverse_radius = 1.0 / queried;
@@ -97,7 +99,7 @@ pub fn missing(map: &Map, frame: &Frame, wanted: &Wanted, queried: f32) -> [usiz
             let direction = sample_direction(frame, features.one_sample, column, row, sample);
             let Some(hit) = scene.closest_hit(frame.position.into(), direction, None) else { continue };
             let surface = scene.surface_at(frame.position.into(), direction, hit);
-            let face = 2 * surface.object + usize::from(surface.side < 0.0);
+            let face = 2 * surface.shape + usize::from(surface.side < 0.0);
             assert!(find_region(&plan, tile, face, surface.position).is_some(), "its own rays saw this point");
             let photons = |map| {
                 let mut found: Vec<_> =
@@ -183,7 +185,7 @@ fn make_the_same_lists(context: &Device) {
             let features = Features { one_sample: frame.samples == 1.0, ..FEATURES };
             stage.upload(context, &packed, &features).unwrap();
             let wanted = Wanted { radius: 0.4, tile, cells: tile[0] % 2 == 0 };
-            let of = |seen| plan(&packed.objects, &frame, seen, count, &wanted).unwrap();
+            let of = |seen| plan(&packed.shapes, &frame, seen, count, &wanted).unwrap();
             let twin = of(tiles_seen(&SceneTables::new(&packed, &features), &frame, tile));
             let found = of(stage.seen(context, &frame, tile).unwrap());
             // A ray along an edge may hit either side of it: other regions, but few.
@@ -325,9 +327,9 @@ fn a_moved_camera_rebuilds_tiles_only() {
 #[test]
 fn what_scatters_nothing_has_no_regions() {
     let mut packed = packed();
-    for object in &mut packed.objects[..4] {
-        object.diffuse = 0.0;
-        object.specular = 0.0;
+    for material in &mut packed.materials[..4] {
+        material.diffuse = 0.0;
+        material.specular = 0.0;
     }
     let frame = frame(Vec3::new(-0.5, 1.2, 1.0), Vec3::new(-0.3, -0.35, -0.9), 120.0, 1);
     let seen = tiles_seen(&SceneTables::new(&packed, &FEATURES), &frame, [8, 8]);

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 use photile::device::cl::{Arg, Buffer};
 use photile::device::gl::{Headless, Program, Target};
 use photile::plan::cells::CellSize;
@@ -10,12 +10,12 @@ use photile::program::features::{Features, Lights};
 use photile::program::gathering::Gathering;
 use photile::program::source::{Options, assemble};
 use photile::records::packing::Packed;
-use photile::records::{Frame, Object, PLANE};
+use photile::records::{Frame, Material, PLANE, Shape};
 use photile::stage::grid::{GridStage, Wanted};
 use photile::stage::photon_map::PhotonMap;
 use photile::stage::photon_textures::PhotonTextures;
 
-use super::{Map, Random, device, surface_point, upload};
+use super::{Map, Random, device, packed_of, surface_point, upload};
 
 const WIDTH: usize = 640;
 const HEIGHT: usize = 480;
@@ -23,18 +23,11 @@ const HEIGHT: usize = 480;
 /// A closed room of 6 × 4 × 6 m with uniform photons on its walls.
 pub fn closed_room(photons: usize) -> (Packed, Map) {
     let half = [3.0f32, 2.0, 3.0];
-    let objects: Vec<Object> = (0..6)
+    let shapes: Vec<Shape> = (0..6)
         .map(|i| {
             let (axis, sign) = (i / 2, if i % 2 == 0 { -1.0 } else { 1.0 });
             let anchor = [0, 1, 2].map(|a| f32::from(u8::from(a == axis)));
-            Object {
-                anchor,
-                extent: sign * half[axis],
-                kind: PLANE,
-                color: [0.7; 3],
-                diffuse: 1.0,
-                ..Object::default()
-            }
+            Shape { anchor, extent: sign * half[axis], kind: PLANE, ..Shape::default() }
         })
         .collect();
     let (mut random, mut map) = (Random::new(1), Map::default());
@@ -43,10 +36,10 @@ pub fn closed_room(photons: usize) -> (Packed, Map) {
         let axis = [0, 1, 1, 1, 2, 0, 2][random.below(7)];
         let wall = 2 * axis + random.below(2);
         let side = if wall % 2 == 0 { 1.0 } else { -1.0 };
-        let position = surface_point(&objects[wall], &mut random);
+        let position = surface_point(&shapes[wall], &mut random);
         map.push(position, wall, side, &mut random);
     }
-    (Packed { origin: DVec3::ZERO, objects, sphere_count: 0, lights: Vec::new(), glasses: Vec::new() }, map)
+    (packed_of(shapes, 0, Material { color: [0.7; 3], diffuse: 1.0, ..Material::default() }), map)
 }
 
 fn frame() -> Frame {
@@ -94,7 +87,7 @@ fn timings() {
         let times = (0..10).map(|_| {
             context.finish().unwrap();
             let start = Instant::now();
-            stage.build(&context, &packed.objects, stored.take().unwrap(), &Wanted::radius(0.1)).unwrap();
+            stage.build(&context, &packed.shapes, stored.take().unwrap(), &Wanted::radius(0.1)).unwrap();
             context.finish().unwrap();
             let time = start.elapsed().as_secs_f64() * 1e3;
             stored = stage.restore(&context).unwrap();
@@ -122,7 +115,7 @@ fn timings() {
     let uploaded = upload(&context, &map);
     let mut stored = Some(PhotonMap { directions: None, ..uploaded });
     let frame_buffer = Buffer::from_slice(&context, &[frame()]).unwrap();
-    let objects = Buffer::from_slice(&context, &packed.objects).unwrap();
+    let shapes = Buffer::from_slice(&context, &packed.shapes).unwrap();
     let lights = Buffer::from_slice(&context, &packed.lights).unwrap();
     let film = Buffer::<[f32; 3]>::new(&context, WIDTH * HEIGHT).unwrap();
     let headless = Headless::new().ok();
@@ -130,13 +123,13 @@ fn timings() {
         for ratio in [0.25, 1.0 / 3.0, 0.5, 1.0] {
             let wanted = Wanted { size: CellSize::Metres([radius * ratio; 3]), ..Wanted::radius(radius) };
             let map = stored.take().or_else(|| stage.restore(&context).unwrap()).unwrap();
-            let grid = stage.build(&context, &packed.objects, map, &wanted).unwrap();
+            let grid = stage.build(&context, &packed.shapes, map, &wanted).unwrap();
             let gathering = Gathering { clip: true, ..Gathering::default() };
             for lanes in [context.device.lanes, 1] {
                 let options = Options { lanes, defines: gathering.defines(), ..Options::default() };
                 let source = assemble("trace.cl", Some(&features), &options);
                 let kernel = context.kernel(&source, "trace").unwrap();
-                let mut args: Vec<Arg> = vec![(&frame_buffer).into(), (&objects).into(), (&lights).into()];
+                let mut args: Vec<Arg> = vec![(&frame_buffer).into(), (&shapes).into(), (&lights).into()];
                 args.extend(grid.args(None, gathering.method).unwrap());
                 let [width, bands] = [WIDTH, HEIGHT].map(|n| Arg::Int(n as i32));
                 let film_args: [Arg; 5] = [(&film).into(), width, bands, bands, Arg::Int(1)];
@@ -156,7 +149,7 @@ fn timings() {
             let target = Target::new(&headless.gl, WIDTH as u32, HEIGHT as u32, false).unwrap();
             program.activate(&PhotonTextures::SAMPLERS);
             program.set_records(&[frame()]);
-            program.set_records(&packed.objects);
+            program.set_records(&packed.shapes);
             textures.bind(&program, 0);
             let (median, least) = time(3, || target.draw(&program).unwrap());
             println!("R = {radius}, cell {ratio:.2} R, OpenGL          : {median:6.1} ({least:.1})");

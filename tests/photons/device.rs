@@ -65,7 +65,7 @@ fn same(a: &PhotonTables, b: &PhotonTables) -> bool {
 /// What a face says of a surface.
 fn surface_of(face: &f32) -> PhotonSurface {
     let side = if face % 2.0 == 0.0 { 1.0 } else { -1.0 };
-    PhotonSurface { object: (face / 2.0).floor(), side, bounce: f32::NAN }
+    PhotonSurface { shape: (face / 2.0).floor(), side, bounce: f32::NAN }
 }
 
 /// Share of the photons that land elsewhere: on another surface, or more than a millimetre away.

@@ -27,7 +27,7 @@ fn half_of_the_sphere_and_plane_would_be_wasted_and_the_mean_stays() {
         let map = case.twin(&paths(number));
         let mut power = [0.0; 2];
         for (photon, surface) in map.powers.iter().zip(&map.surfaces).filter(|(_, s)| s.bounce == 0.0) {
-            power[surface.object as usize] += f64::from(photon.power[2]);
+            power[surface.shape as usize] += f64::from(photon.power[2]);
         }
         power
     };
@@ -65,7 +65,7 @@ fn every_direction_that_hits_lies_in_a_kept_cell() {
             let own = &case.plan.cells[first as usize..(first + cells) as usize];
             own.binary_search(&entry(cell, 1, 0)).is_ok()
         });
-        assert!(kept, "{p} on object {}", surface.object);
+        assert!(kept, "{p} on object {}", surface.shape);
     }
     let useful = case.plan.useful_share(&case.packed);
     assert!(useful < 0.62, "a half and two cones: {useful}");
@@ -86,7 +86,7 @@ fn more_paths_where_light_goes_on_store_more_and_keep_the_mean() {
         let mut power = [0.0; 2];
         let mut stored = 0;
         for (photon, surface) in map.powers.iter().zip(&map.surfaces).filter(|(_, s)| s.bounce == bounce) {
-            power[surface.object as usize] += f64::from(photon.power[2]);
+            power[surface.shape as usize] += f64::from(photon.power[2]);
             stored += 1;
         }
         (power, stored)
@@ -105,13 +105,8 @@ fn more_paths_where_light_goes_on_store_more_and_keep_the_mean() {
         ([mean(&|i| all[i].0[0]), mean(&|i| all[i].0[1])], mean(&|i| f64::from(all[i].1)))
     };
     let ((before, few), (after, many)) = (mean(&even), mean(&weighed));
-    for object in 0..2 {
-        assert!(
-            (after[object] / before[object] - 1.0).abs() < 0.1,
-            "{object}: {} for {} W",
-            after[object],
-            before[object]
-        );
+    for shape in 0..2 {
+        assert!((after[shape] / before[shape] - 1.0).abs() < 0.1, "{shape}: {} for {} W", after[shape], before[shape]);
     }
     eprintln!("stored after a bounce, of {number} paths: {few} evenly, {many} weighed");
     assert!(many > 2.0 * few, "{many} photons, {few} before");
@@ -168,10 +163,10 @@ fn seen_means(name: &str, case: &Case, map: &PhotonTables) -> [f64; 2] {
     let settings = Settings { width: 32, height: 24, ..Settings::default() };
     let frame = case.packed.frame(&camera, &settings);
     let scene = SceneTables::new(&case.packed, &case.features);
-    let objects = &case.packed.objects;
-    let bounds = grid_bounds(&map.view(), 2 * objects.len());
-    let plan = cells::plan(objects, &bounds, map.len(), 1.5, CellSize::Auto, Form::Auto).unwrap();
-    let gathering = Gathering { hashed: plan.hashed, ..Gathering::of(objects, case.packed.sphere_count, false) };
+    let shapes = &case.packed.shapes;
+    let bounds = grid_bounds(&map.view(), 2 * shapes.len());
+    let plan = cells::plan(shapes, false, &bounds, map.len(), 1.5, CellSize::Auto, Form::Auto).unwrap();
+    let gathering = Gathering { hashed: plan.hashed, ..Gathering::of(shapes, case.packed.sphere_count, false) };
     let tables = grid(&map.view(), &plan);
     let seen = PhotonMap { gathering: &gathering, plan: &plan, stored: map.view(), grid: &tables, tiles: None };
     let mut sums = [[0.0; 2]; 2];
@@ -180,7 +175,7 @@ fn seen_means(name: &str, case: &Case, map: &PhotonTables) -> [f64; 2] {
         let origin = frame.position.into();
         let Some(hit) = scene.closest_hit(origin, direction, None) else { continue };
         let surface = scene.surface_at(origin, direction, hit);
-        let [sum, pixels] = &mut sums[surface.object];
+        let [sum, pixels] = &mut sums[surface.shape];
         *sum += f64::from(photon_radiance(&scene, &seen, &surface, -direction, 0).z);
         *pixels += 1.0;
     }
@@ -206,9 +201,9 @@ fn pictures_keep_their_mean_whatever_the_map_of_directions() {
         let all: Vec<[f64; 2]> = (1..=SEEDS)
             .map(|seed| seen_means(name, case, &case.twin(&Emission { seed, store_direct, ..paths(number) })))
             .collect();
-        [0, 1].map(|object| {
-            let mean = all.iter().map(|means| means[object]).sum::<f64>() / f64::from(SEEDS);
-            let squares = all.iter().map(|means| (means[object] - mean).powi(2)).sum::<f64>();
+        [0, 1].map(|shape| {
+            let mean = all.iter().map(|means| means[shape]).sum::<f64>() / f64::from(SEEDS);
+            let squares = all.iter().map(|means| (means[shape] - mean).powi(2)).sum::<f64>();
             (mean, squares / f64::from(SEEDS * (SEEDS - 1)))
         })
     };

@@ -62,11 +62,11 @@ fn both_codes_meet_the_same() {
             let number = |n| hash_u(hash2_u(ray, 3).wrapping_add(n));
             let found = [front, both].map(|scene| {
                 let hit = scene.closest_hit(origin, direction, face)?;
-                Some((hit.t, hit.object, scene.surface_at(origin, direction, hit)))
+                Some((hit.t, hit.shape, scene.surface_at(origin, direction, hit)))
             });
             match found {
-                [Some((t, object, surface)), Some((same_t, same_object, same))] => {
-                    assert_eq!((t, object, surface.normal), (same_t, same_object, same.normal), "{name}, ray {ray}");
+                [Some((t, shape, surface)), Some((same_t, same_object, same))] => {
+                    assert_eq!((t, shape, surface.normal), (same_t, same_object, same.normal), "{name}, ray {ray}");
                     // Beside an edge one of them moves the point, by eight ulps.
                     let size = origin.abs().element_sum() + t;
                     assert!(surface.position.distance(same.position) < 4e-6 * size, "{name}, ray {ray}");

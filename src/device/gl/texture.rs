@@ -9,14 +9,14 @@ use glow::{HasContext, PixelUnpackData};
 use super::{Functions, PixelBuffer, checked};
 use crate::device::live_objects::{Api, Counted};
 use crate::error::{Error, Result};
-use crate::records::{Record, Shape, TEXEL};
+use crate::records::{Record, TEXEL, TextureShape};
 
 /// Rows that may lie idle in any image: 1.5 MB.
 const IDLE_ROWS: u32 = 64;
 
 /// Whether a table of one shape can lie in an image of another: rows are as wide, and not too much of it would lie idle.
 /// Tables of views that move change their length in every picture, and drivers take their time to make an image.
-fn serves(image: Shape, table: Shape) -> bool {
+fn serves(image: TextureShape, table: TextureShape) -> bool {
     let idle = image.height.checked_sub(table.height);
     image.width == table.width && idle.is_some_and(|idle| idle <= table.height.max(IDLE_ROWS))
 }
@@ -25,7 +25,7 @@ fn serves(image: Shape, table: Shape) -> bool {
 pub struct TableTexture {
     gl: Functions,
     handle: glow::NativeTexture,
-    shape: Option<Shape>,
+    shape: Option<TextureShape>,
     width_log2: u32,
     /// How often it was filled.
     pub uploads: u64,
@@ -101,7 +101,7 @@ impl TableTexture {
 
     /// Makes the image for so many texels, where it is not there yet.
     fn allocate(&mut self, texels: usize) -> Result<()> {
-        let shape = Shape::of(texels, self.width_log2);
+        let shape = TextureShape::of(texels, self.width_log2);
         let gl = &self.gl;
         // SAFETY: the context is current, and no pixel buffer is bound: the image's memory is only made.
         unsafe {
@@ -133,9 +133,9 @@ impl TableTexture {
 
     /// Whole rows, then what is left; `part` gives so many texels from the first on.
     fn fill_from<'a>(&mut self, texels: usize, part: impl Fn(usize, usize) -> PixelUnpackData<'a>) -> Result<()> {
-        let width = Shape::of(texels, self.width_log2).width as usize;
+        let width = TextureShape::of(texels, self.width_log2).width as usize;
         let gl = &self.gl;
-        // SAFETY: the context is current; every part has exactly the size of the rows it fills, checked by `Shape`.
+        // SAFETY: the context is current; every part has exactly the size of the rows it fills, checked by `TextureShape`.
         unsafe {
             gl.bind_texture(glow::TEXTURE_RECTANGLE, Some(self.handle));
             gl.pixel_store_i32(glow::UNPACK_ALIGNMENT, 4);

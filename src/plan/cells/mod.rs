@@ -6,7 +6,8 @@ pub mod photon_density;
 use crate::device::memory::table_entries;
 use crate::error::{Error, Result};
 use crate::program::gathering::GATHER_SPREAD;
-use crate::records::{Face, Gather, MAX_EXACT_INDEX, Object, PLANE};
+use crate::records::face::{faces_of, shape_of_sheet, sheet_of};
+use crate::records::{Face, Gather, MAX_EXACT_INDEX, PLANE, Shape};
 
 /// Cells per radius, along each axis, where a work-item's lanes gather together. Measured on a closed room at 200k
 /// photons: candidates per accepted photon are 1.22 at R/6, 1.34 at R/4, 1.70 at R/2, 2.55 at R, 4.6 at 2R for one
@@ -130,9 +131,9 @@ pub struct Plan {
 
 /// Whether u and v are exchanged on an object's faces: planes across x have one or two cells along x only, and rows
 /// should be long.
-pub(crate) fn flipped(object: &Object) -> bool {
-    let [x, y, z] = object.anchor.map(f32::abs);
-    object.kind == PLANE && x > y.max(z)
+pub(crate) fn flipped(shape: &Shape) -> bool {
+    let [x, y, z] = shape.anchor.map(f32::abs);
+    shape.kind == PLANE && x > y.max(z)
 }
 
 /// Number of a distance's cell, rounded as `cell_along` rounds.
@@ -161,18 +162,19 @@ const FEW_HASHED: f32 = 15.0;
 /// # Errors
 /// As [`plan`], and those of `crowd`.
 pub fn plan_by_crowd(
-    objects: &[Object],
+    shapes: &[Shape],
+    glossy: bool,
     bounds: &[Bounds],
     photons: usize,
     radius: f32,
     (size, form): (CellSize, Form),
     crowd: impl FnOnce() -> Result<f32>,
 ) -> Result<Plan> {
-    let usual = plan(objects, bounds, photons, radius, size, form)?;
+    let usual = plan(shapes, glossy, bounds, photons, radius, size, form)?;
     if !usual.hashed || (size, form) != (CellSize::Fragments, Form::Auto) || crowd()? >= FEW_HASHED {
         return Ok(usual);
     }
-    plan(objects, bounds, photons, radius, CellSize::PerRadius(1.0), Form::Hashed(None))
+    plan(shapes, glossy, bounds, photons, radius, CellSize::PerRadius(1.0), Form::Hashed(None))
 }
 
 /// Lays out the grid for photons whose faces have these boxes (two a object, in the order of faces).
@@ -182,9 +184,10 @@ pub fn plan_by_crowd(
 /// can count.
 ///
 /// # Panics
-/// When `bounds` has not two entries an object, or the number of buckets is no power of two.
+/// When `bounds` has not an entry a face, or the number of buckets is no power of two.
 pub fn plan(
-    objects: &[Object],
+    shapes: &[Shape],
+    glossy: bool,
     bounds: &[Bounds],
     photons: usize,
     radius: f32,
@@ -198,12 +201,12 @@ pub fn plan(
         _ => &[],
     };
     for (along, across) in rows {
-        let dense = plan(objects, bounds, photons, radius, CellSize::Rows(*along, *across), form)?;
+        let dense = plan(shapes, glossy, bounds, photons, radius, CellSize::Rows(*along, *across), form)?;
         if !dense.hashed {
             return Ok(dense);
         }
     }
-    assert_eq!(bounds.len(), 2 * objects.len(), "two faces an object");
+    assert_eq!(bounds.len(), faces_of(shapes.len()), "two faces a sheet");
     if photons as u64 >= MAX_EXACT_INDEX {
         return Err(Error::Usage(format!(
             "{photons} photons: indices travel as float values, which are exact below {MAX_EXACT_INDEX} only"
@@ -232,7 +235,7 @@ pub fn plan(
     let mut faces = vec![Face::default(); bounds.len()];
     let mut base = 0.0f64;
     for (face, (record, bounds)) in faces.iter_mut().zip(bounds).enumerate() {
-        let flip = flipped(&objects[face / 2]);
+        let flip = flipped(&shapes[shape_of_sheet(sheet_of(face))]);
         record.flipped = f32::from(u8::from(flip));
         if bounds.is_empty() {
             continue;
@@ -254,7 +257,6 @@ pub fn plan(
         record.base = base as f32;
         base += record.counts.iter().map(|c| f64::from(*c)).product::<f64>();
     }
-    let glossy = objects.iter().any(|object| object.specular > 0.0);
     let affordable = table_entries(glossy, photons) as f64;
     let countable = (MAX_EXACT_INDEX - 1) as f64;
     let hashed = match form {
@@ -285,7 +287,7 @@ pub fn plan(
         if cells as u64 >= MAX_EXACT_INDEX {
             return Err(Error::Usage(format!(
                 "{} objects: the hashed grid takes at most {} with cells of this size",
-                objects.len(),
+                shapes.len(),
                 MAX_EXACT_INDEX as usize / 2 / (2 * tables * reach)
             )));
         }
@@ -315,21 +317,21 @@ pub fn plan(
 mod tests {
     use super::*;
 
-    fn plane(normal: [f32; 3]) -> Object {
-        Object { anchor: normal, kind: PLANE, ..Object::default() }
+    fn plane(normal: [f32; 3]) -> Shape {
+        Shape { anchor: normal, kind: PLANE, ..Shape::default() }
     }
 
-    fn room(scale: f32) -> (Vec<Object>, Vec<Bounds>) {
-        let objects = vec![plane([0.0, 1.0, 0.0]), plane([1.0, 0.0, 0.0])];
+    fn room(scale: f32) -> (Vec<Shape>, Vec<Bounds>) {
+        let shapes = vec![plane([0.0, 1.0, 0.0]), plane([1.0, 0.0, 0.0])];
         let floor = Bounds { low: [-3.0 * scale, -2.0, -3.0 * scale], high: [3.0 * scale, -2.0, 3.0 * scale] };
         let wall = Bounds { low: [3.0, -2.0, -3.0 * scale], high: [3.0, 2.0, 3.0 * scale] };
-        (objects, vec![floor, Bounds::EMPTY, Bounds::EMPTY, wall])
+        (shapes, vec![floor, Bounds::EMPTY, Bounds::EMPTY, wall])
     }
 
     #[test]
     fn flat_faces_are_one_cell_thick_and_lie_behind_each_other() {
-        let (objects, bounds) = room(1.0);
-        let plan = plan(&objects, &bounds, 1000, 1.0, CellSize::Auto, Form::Auto).unwrap();
+        let (shapes, bounds) = room(1.0);
+        let plan = plan(&shapes, false, &bounds, 1000, 1.0, CellSize::Auto, Form::Auto).unwrap();
         assert!(!plan.hashed);
         assert_eq!(plan.faces[0].counts, [49.0, 1.0, 13.0]);
         assert_eq!(plan.faces[1].counts, [0.0; 3]);
@@ -341,10 +343,10 @@ mod tests {
     #[test]
     fn hashed_faces_lie_farther_apart_than_queries_reach() {
         let normal = |i: usize| [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0]][i % 2];
-        let objects: Vec<Object> = (0..300).map(|i| plane(normal(i))).collect();
+        let shapes: Vec<Shape> = (0..300).map(|i| plane(normal(i))).collect();
         let bounds = vec![Bounds { low: [0.0; 3], high: [1e6; 3] }; 600];
         for (size, reach) in [(CellSize::Auto, 33), (CellSize::Alone, 33), (CellSize::PerRadius(3.0), 39)] {
-            let plan = plan(&objects, &bounds, 1000, 0.1, size, Form::Hashed(Some(64))).unwrap();
+            let plan = plan(&shapes, false, &bounds, 1000, 0.1, size, Form::Hashed(Some(64))).unwrap();
             assert_eq!(hash_reach(0.1, plan.gather.cell), reach);
             let table = plan.gather.bucket_mask as usize + 1;
             assert!(2 * table == plan.cells && plan.cells < 8 * 600 * reach, "{} buckets", plan.cells);
@@ -354,15 +356,15 @@ mod tests {
             assert!(plan.faces.iter().all(|face| face.table == face.flipped * table as f32));
         }
         let many = vec![plane([0.0, 1.0, 0.0]); 300_000];
-        let refused = plan(&many, &vec![bounds[0]; 600_000], 1000, 0.1, CellSize::Auto, Form::Auto);
+        let refused = plan(&many, false, &vec![bounds[0]; 600_000], 1000, 0.1, CellSize::Auto, Form::Auto);
         assert!(matches!(refused, Err(Error::Usage(why)) if why.contains("at most")));
     }
 
     #[test]
     fn hashed_cells_are_wide_where_photons_are_few() {
-        let (objects, bounds) = room(1e4);
+        let (shapes, bounds) = room(1e4);
         let cells = |size, crowd: f32| {
-            let plan = plan_by_crowd(&objects, &bounds, 1000, 0.3, (size, Form::Auto), || Ok(crowd)).unwrap();
+            let plan = plan_by_crowd(&shapes, false, &bounds, 1000, 0.3, (size, Form::Auto), || Ok(crowd)).unwrap();
             assert!(plan.hashed);
             (0.3 / plan.gather.cell[0]).round()
         };
@@ -372,9 +374,9 @@ mod tests {
 
     #[test]
     fn fragments_walk_through_fewer_rows_where_photons_are_few() {
-        let (objects, bounds) = room(1.0);
+        let (shapes, bounds) = room(1.0);
         let across = |size, photons| {
-            let plan = plan(&objects, &bounds, photons, 0.5, size, Form::Auto).unwrap();
+            let plan = plan(&shapes, false, &bounds, photons, 0.5, size, Form::Auto).unwrap();
             (0.5 / plan.gather.cell[1]).round()
         };
         assert_eq!((across(CellSize::Alone, 5000), across(CellSize::Alone, 10_000)), (2.0, 3.0), "65 and 131 a disc");
@@ -383,8 +385,8 @@ mod tests {
     #[test]
     fn memory_is_bounded_whatever_the_extent() {
         for scale in [1.0, 1e2, 1e4, 1e6, 1e9] {
-            let (objects, bounds) = room(scale);
-            let plan = plan(&objects, &bounds, 100_000, 0.1, CellSize::Auto, Form::Auto).unwrap();
+            let (shapes, bounds) = room(scale);
+            let plan = plan(&shapes, false, &bounds, 100_000, 0.1, CellSize::Auto, Form::Auto).unwrap();
             assert_eq!(plan.hashed, scale > 10.0);
             assert!(plan.cells <= 400_000, "scale {scale}: {} cells", plan.cells);
             assert!(plan.gather.cell.iter().all(|cell| *cell <= 0.05), "far photons make no cell larger");
@@ -393,36 +395,36 @@ mod tests {
 
     #[test]
     fn counts_divide_the_box_of_all_photons() {
-        let (objects, bounds) = room(1.0);
-        let plan = plan(&objects, &bounds, 1000, 1.0, CellSize::Counts([60, 40, 40]), Form::Auto).unwrap();
+        let (shapes, bounds) = room(1.0);
+        let plan = plan(&shapes, false, &bounds, 1000, 1.0, CellSize::Counts([60, 40, 40]), Form::Auto).unwrap();
         let close = |a: f32, b: f32| (a - b).abs() < 1e-6;
         assert!(plan.gather.cell.iter().zip([0.1, 0.1, 0.15]).all(|(a, b)| close(*a, b)), "{:?}", plan.gather.cell);
     }
 
     #[test]
     fn a_lattice_has_the_fixed_boxs_borders_and_holds_what_lies_outside_it() {
-        let (objects, bounds) = room(1.0);
+        let (shapes, bounds) = room(1.0);
         let size = CellSize::Lattice { corner: [-10.2, -10.0, -20.0], cell: [0.5; 3] };
-        let plan = plan(&objects, &bounds, 1000, 1.0, size, Form::Auto).unwrap();
+        let plan = plan(&shapes, false, &bounds, 1000, 1.0, size, Form::Auto).unwrap();
         let floor = &plan.faces[0];
         let close = |a: f32, b: f32| (a - b).abs() < 1e-5;
         assert!(close(floor.origin[0], -3.2) && close(floor.origin[1], -2.0) && close(floor.origin[2], -3.0));
         assert_eq!(floor.counts, [13.0, 1.0, 13.0]);
         // The box ends at x = −4; photons of a wider room have cells too.
-        let (objects, bounds) = room(2.0);
+        let (shapes, bounds) = room(2.0);
         let size = CellSize::Lattice { corner: [-4.0; 3], cell: [0.5; 3] };
-        let plan = super::plan(&objects, &bounds, 1000, 1.0, size, Form::Auto).unwrap();
+        let plan = super::plan(&shapes, false, &bounds, 1000, 1.0, size, Form::Auto).unwrap();
         let floor = &plan.faces[0];
         assert_eq!((floor.origin[0], floor.counts[0]), (-6.0, 25.0));
     }
 
     #[test]
     fn what_floats_cannot_count_is_refused() {
-        let (objects, bounds) = room(1e3);
-        let dense = plan(&objects, &bounds, 1000, 0.1, CellSize::Auto, Form::Dense);
+        let (shapes, bounds) = room(1e3);
+        let dense = plan(&shapes, false, &bounds, 1000, 0.1, CellSize::Auto, Form::Dense);
         assert!(matches!(dense, Err(Error::Usage(_))));
-        let many = plan(&objects, &bounds, 1 << 24, 0.1, CellSize::Auto, Form::Auto);
+        let many = plan(&shapes, false, &bounds, 1 << 24, 0.1, CellSize::Auto, Form::Auto);
         assert!(matches!(many, Err(Error::Usage(_))));
-        assert!(plan(&objects, &bounds, (1 << 24) - 1, 0.1, CellSize::Auto, Form::Auto).is_ok());
+        assert!(plan(&shapes, false, &bounds, (1 << 24) - 1, 0.1, CellSize::Auto, Form::Auto).is_ok());
     }
 }

@@ -35,7 +35,7 @@ pub struct Charts {
 struct HalfSpace {
     normal: DVec3,
     offset: f64,
-    object: usize,
+    shape: usize,
 }
 
 /// What bounds the light of a scene.
@@ -54,26 +54,26 @@ impl<'a> Domain<'a> {
     /// Planes that have all lights on one side keep their light on that side.
     fn new(packed: &'a Packed) -> Domain<'a> {
         let mut half_spaces = Vec::new();
-        for (object, plane) in packed.objects.iter().enumerate().skip(packed.sphere_count) {
+        for (shape, plane) in packed.shapes.iter().enumerate().skip(packed.sphere_count) {
             let (normal, offset) = (vector(plane.anchor), f64::from(plane.extent));
             let heights = || packed.lights.iter().map(|light| normal.dot(vector(light.position)) - offset);
             // A light on the plane itself shines to both sides.
             if heights().all(|height| height < 0.0) {
-                half_spaces.push(HalfSpace { normal, offset, object });
+                half_spaces.push(HalfSpace { normal, offset, shape });
             } else if heights().all(|height| height > 0.0) {
-                half_spaces.push(HalfSpace { normal: -normal, offset: -offset, object });
+                half_spaces.push(HalfSpace { normal: -normal, offset: -offset, shape });
             }
         }
         Domain { packed, half_spaces, widest: window::WIDEST }
     }
 
     /// Whether light can come to the side of an object that its own normal points to, or to the other one.
-    fn lights_side(&self, object: usize, front: bool) -> bool {
-        let record = &self.packed.objects[object];
+    fn lights_side(&self, shape: usize, front: bool) -> bool {
+        let record = &self.packed.shapes[shape];
         if record.kind == PLANE {
             let outward = vector(record.anchor) * if front { 1.0 } else { -1.0 };
             // All light stays behind a half-space's plane.
-            return !self.half_spaces.iter().any(|h| h.object == object && h.normal.dot(outward) > 0.0);
+            return !self.half_spaces.iter().any(|h| h.shape == shape && h.normal.dot(outward) > 0.0);
         }
         let side = if front { 1.0 } else { -1.0 };
         let above =
@@ -82,13 +82,13 @@ impl<'a> Domain<'a> {
     }
 
     /// Whether light can be at a point of an object's surface.
-    fn reaches(&self, point: DVec3, object: usize) -> bool {
+    fn reaches(&self, point: DVec3, shape: usize) -> bool {
         let slack = 1e-9 * (1.0 + point.abs().max_element()); // a wall's own edge belongs to it
-        let inside = |h: &HalfSpace| h.object == object || h.normal.dot(point) <= h.offset + slack;
-        let covered = |(i, sphere): (usize, &crate::records::Object)| {
+        let inside = |h: &HalfSpace| h.shape == shape || h.normal.dot(point) <= h.offset + slack;
+        let covered = |(i, sphere): (usize, &crate::records::Shape)| {
             let radius = f64::from(sphere.extent);
             // A light inside makes a sphere's inside a place like any other.
-            i != object
+            i != shape
                 && point.distance_squared(vector(sphere.anchor)) < radius * radius
                 && !self
                     .packed
@@ -97,7 +97,7 @@ impl<'a> Domain<'a> {
                     .any(|l| vector(l.position).distance_squared(vector(sphere.anchor)) < radius * radius)
         };
         self.half_spaces.iter().all(inside)
-            && !self.packed.objects[..self.packed.sphere_count].iter().enumerate().any(covered)
+            && !self.packed.shapes[..self.packed.sphere_count].iter().enumerate().any(covered)
     }
 }
 
@@ -144,10 +144,10 @@ impl Charts {
     fn with_windows(packed: &Packed, budget: u32, widest: u32) -> Charts {
         let domain = Domain { widest, ..Domain::new(packed) };
         let mut charts = Vec::new();
-        for (object, record) in packed.objects.iter().enumerate() {
+        for (shape, record) in packed.shapes.iter().enumerate() {
             let extent = f64::from(record.extent);
             if record.kind == PLANE {
-                charts.push(plane_chart(&domain, object, Axes::of(vector(record.anchor), extent)));
+                charts.push(plane_chart(&domain, shape, Axes::of(vector(record.anchor), extent)));
             } else {
                 let size = DVec2::splat((4.0 * std::f64::consts::PI).sqrt() * extent);
                 charts.push(PlacedChart { chart: Chart::default(), size, axes: None });
@@ -163,14 +163,14 @@ impl Charts {
         };
         let mut first = 0;
         let (mut windows, mut inverse_areas) = (Vec::new(), Vec::new());
-        for (object, placed) in charts.iter_mut().enumerate() {
+        for (shape, placed) in charts.iter_mut().enumerate() {
             let (across, down) = (columns(placed.size.x), columns(placed.size.y));
             let chart = &mut placed.chart;
             (chart.first, chart.columns, chart.rows) = (first as f32, across as f32, down as f32);
             first += 2 * across * down;
             let texels = match &placed.axes {
-                Some(axes) => plane_texels(&domain, object, axes, chart),
-                None => sphere_texels(&domain, object, across),
+                Some(axes) => plane_texels(&domain, shape, axes, chart),
+                None => sphere_texels(&domain, shape, across),
             };
             let inverse = |(texel, own): (usize, &PlacedTexel)| {
                 let area: f64 = own.window.texels(texel).map(|i| texels[i].area).sum();
@@ -178,7 +178,7 @@ impl Charts {
             };
             for front in [true, false] {
                 windows.extend(texels.iter().map(|texel| texel.window));
-                let lit = domain.lights_side(object, front);
+                let lit = domain.lights_side(shape, front);
                 inverse_areas.extend(texels.iter().enumerate().map(|texel| if lit { inverse(texel) } else { 0.0 }));
             }
         }
@@ -224,10 +224,10 @@ fn clip(polygon: &[DVec2], normal: DVec2, offset: f64) -> Vec<DVec2> {
 }
 
 /// Where a plane's chart lies: the box around what the half-spaces leave of it, else a bent one about the scene.
-fn plane_chart(domain: &Domain, object: usize, axes: Axes) -> PlacedChart {
+fn plane_chart(domain: &Domain, shape: usize, axes: Axes) -> PlacedChart {
     let packed = domain.packed;
     // What the plane's light comes from or bounces off, seen along the normal.
-    let spheres = packed.objects[..packed.sphere_count].iter().map(|s| (vector(s.anchor), f64::from(s.extent)));
+    let spheres = packed.shapes[..packed.sphere_count].iter().map(|s| (vector(s.anchor), f64::from(s.extent)));
     let lights = packed.lights.iter().map(|l| (vector(l.position), 0.0));
     let normal = axes.u.cross(axes.v);
     let mut near: Vec<(DVec2, f64)> = Vec::new();
@@ -240,7 +240,7 @@ fn plane_chart(domain: &Domain, object: usize, axes: Axes) -> PlacedChart {
     let far = 1e4 * spread;
     let corner = |x: f64, y: f64| center + DVec2::new(x, y) * far;
     let mut polygon = vec![corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
-    for h in domain.half_spaces.iter().filter(|h| h.object != object) {
+    for h in domain.half_spaces.iter().filter(|h| h.shape != shape) {
         let across = DVec2::new(h.normal.dot(axes.u), h.normal.dot(axes.v));
         polygon = clip(&polygon, across, h.offset - h.normal.dot(axes.origin));
         if polygon.is_empty() {
@@ -270,7 +270,7 @@ fn plane_chart(domain: &Domain, object: usize, axes: Axes) -> PlacedChart {
 }
 
 /// A plane's texels. `axes` are those of the chart.
-fn plane_texels(domain: &Domain, object: usize, axes: &Axes, chart: &Chart) -> Vec<PlacedTexel> {
+fn plane_texels(domain: &Domain, shape: usize, axes: &Axes, chart: &Chart) -> Vec<PlacedTexel> {
     let (columns, rows) = (chart.columns as u32, chart.rows as u32);
     let straight = |x: f64| if chart.bend > 0.0 { unbend(x) } else { x };
     let (unit_u, unit_v) = (axes.u.length(), axes.v.length());
@@ -282,9 +282,9 @@ fn plane_texels(domain: &Domain, object: usize, axes: &Axes, chart: &Chart) -> V
             let down = (at(row, rows, 1.0) - at(row, rows, 0.0)) * unit_v;
             let point = |x: f64, y: f64| axes.point(DVec2::new(at(column, columns, x), at(row, rows, y)));
             let area = across * down;
-            let area = if area.is_finite() { area * reached(domain, object, point) } else { 0.0 };
+            let area = if area.is_finite() { area * reached(domain, shape, point) } else { 0.0 };
             let (place, size) = ((column, row), (columns, rows));
-            let half_width = window::half_width(domain.packed, object, point(0.5, 0.5), across.max(down), place, size);
+            let half_width = window::half_width(domain.packed, shape, point(0.5, 0.5), across.max(down), place, size);
             let window = Window { half_width: half_width.min(domain.widest), stride: columns };
             texels.push(PlacedTexel { area, window });
         }
@@ -293,8 +293,8 @@ fn plane_texels(domain: &Domain, object: usize, axes: &Axes, chart: &Chart) -> V
 }
 
 /// A sphere's texels.
-fn sphere_texels(domain: &Domain, object: usize, columns: u32) -> Vec<PlacedTexel> {
-    let sphere = &domain.packed.objects[object];
+fn sphere_texels(domain: &Domain, shape: usize, columns: u32) -> Vec<PlacedTexel> {
+    let sphere = &domain.packed.shapes[shape];
     let (center, radius) = (vector(sphere.anchor), f64::from(sphere.extent));
     let mut texels = Vec::with_capacity((columns * columns) as usize);
     for row in 0..columns {
@@ -314,9 +314,9 @@ fn sphere_texels(domain: &Domain, object: usize, columns: u32) -> Vec<PlacedTexe
             let point = |x: f64, y: f64| center + direction(x, y) * radius;
             let whole = solid_angle * radius * radius;
             let (place, size, length) = ((column, row), (columns, columns), whole.sqrt());
-            let half_width = window::half_width(domain.packed, object, point(0.5, 0.5), length, place, size);
+            let half_width = window::half_width(domain.packed, shape, point(0.5, 0.5), length, place, size);
             let window = Window { half_width: half_width.min(domain.widest), stride: columns };
-            texels.push(PlacedTexel { area: whole * reached(domain, object, point), window });
+            texels.push(PlacedTexel { area: whole * reached(domain, shape, point), window });
         }
     }
     texels
@@ -335,8 +335,8 @@ fn solid_angle(a: DVec3, b: DVec3, c: DVec3) -> f64 {
 }
 
 /// Share of a texel that light reaches; `point` takes its inner coordinates in [0, 1]².
-fn reached(domain: &Domain, object: usize, point: impl Fn(f64, f64) -> DVec3) -> f64 {
-    let reaches = |x: f64, y: f64| domain.reaches(point(x, y), object);
+fn reached(domain: &Domain, shape: usize, point: impl Fn(f64, f64) -> DVec3) -> f64 {
+    let reaches = |x: f64, y: f64| domain.reaches(point(x, y), shape);
     // Corners a hair inside, since walls meet on the borders of charts.
     const NEAR: f64 = 1e-6;
     const FAR: f64 = 1.0 - NEAR;
@@ -374,9 +374,9 @@ mod tests {
     }
 
     /// Area of the lit side of an object, m², where every texel counts for itself.
-    fn area(packed: &Packed, object: usize) -> f64 {
+    fn area(packed: &Packed, shape: usize) -> f64 {
         let charts = Charts::with_windows(packed, 24_576, 0);
-        let chart = &charts.records[object];
+        let chart = &charts.records[shape];
         let count = (chart.columns * chart.rows) as usize;
         let side = |side: usize| {
             let texels = &charts.inverse_areas[chart.first as usize + side * count..][..count];
@@ -390,10 +390,10 @@ mod tests {
         let (packed, _) = charts("gi_ref");
         // Two spheres of radius 1 that touch nothing; floor and ceiling 7 × 14.5, back and front 7 × 6.5, sides 14.5 × 6.5.
         let expected = [12.566, 12.566, 101.5, 101.5, 45.5, 45.5, 94.25, 94.25];
-        assert_eq!(packed.objects.len(), expected.len());
-        for (object, expected) in expected.into_iter().enumerate() {
-            let found = area(&packed, object);
-            assert!((found / expected - 1.0).abs() < 2e-3, "object {object}: {found}, expected {expected}");
+        assert_eq!(packed.shapes.len(), expected.len());
+        for (shape, expected) in expected.into_iter().enumerate() {
+            let found = area(&packed, shape);
+            assert!((found / expected - 1.0).abs() < 2e-3, "object {shape}: {found}, expected {expected}");
         }
     }
 
@@ -401,14 +401,14 @@ mod tests {
     fn a_wall_that_cuts_a_sphere_leaves_its_cap() {
         let (packed, _) = charts("color_bleeding");
         // Centre on the plane x = −5: half of the sphere is in the room, and the wall misses a disc.
-        let radius = f64::from(packed.objects[0].extent);
+        let radius = f64::from(packed.shapes[0].extent);
         let half = 2.0 * std::f64::consts::PI * radius * radius;
         assert!((area(&packed, 0) / half - 1.0).abs() < 0.01, "{} of {half}", area(&packed, 0));
-        let wall = (0..packed.objects.len())
+        let wall = (0..packed.shapes.len())
             .find(|i| {
-                packed.objects[*i].kind == PLANE && packed.objects[*i].anchor[0] != 0.0 && {
-                    let sphere = vector(packed.objects[0].anchor);
-                    (vector(packed.objects[*i].anchor).dot(sphere) - f64::from(packed.objects[*i].extent)).abs() < 1e-4
+                packed.shapes[*i].kind == PLANE && packed.shapes[*i].anchor[0] != 0.0 && {
+                    let sphere = vector(packed.shapes[0].anchor);
+                    (vector(packed.shapes[*i].anchor).dot(sphere) - f64::from(packed.shapes[*i].extent)).abs() < 1e-4
                 }
             })
             .expect("the wall");
@@ -451,22 +451,22 @@ mod tests {
             assert!(widths[0] > 0 && widths[window::WIDEST as usize] > 0, "{name}: {widths:?}");
             assert!(widths[1..].iter().sum::<i32>() > widths[0], "{name}: {widths:?}");
             assert_eq!(charts.windows.len(), charts.inverse_areas.len());
-            assert!(packed.objects.len() == charts.records.len());
+            assert!(packed.shapes.len() == charts.records.len());
         }
     }
 
     #[test]
     fn sides_that_no_light_can_come_to_are_dark() {
         let (packed, charts) = charts("gi_ref");
-        for (object, chart) in charts.records.iter().enumerate() {
+        for (shape, chart) in charts.records.iter().enumerate() {
             let count = (chart.columns * chart.rows) as usize;
             let lit = |side: usize| {
                 let first = chart.first as usize + side * count;
                 charts.inverse_areas[first..first + count].iter().any(|inverse| *inverse > 0.0)
             };
             // The lamp is inside the room and outside both spheres.
-            assert!(lit(0) != lit(1), "object {object} of {}", packed.objects.len());
-            assert!(object >= packed.sphere_count || lit(0), "a sphere's outside");
+            assert!(lit(0) != lit(1), "object {shape} of {}", packed.shapes.len());
+            assert!(shape >= packed.sphere_count || lit(0), "a sphere's outside");
         }
     }
 }

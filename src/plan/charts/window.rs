@@ -42,20 +42,20 @@ impl Window {
 /// How wide the window around the texel at (column, row) of a chart may be. `length`: the texel's longer side, metres.
 pub fn half_width(
     packed: &Packed,
-    object: usize,
+    shape: usize,
     point: DVec3,
     length: f64,
     (column, row): (u32, u32),
     (columns, rows): (u32, u32),
 ) -> u32 {
-    let distance = |(number, other): (usize, &crate::records::Object)| {
+    let distance = |(number, other): (usize, &crate::records::Shape)| {
         let (anchor, extent) = (vector(other.anchor), f64::from(other.extent));
         let distance = if other.kind == PLANE { anchor.dot(point) - extent } else { point.distance(anchor) - extent };
-        if number == object { f64::INFINITY } else { distance.abs() }
+        if number == shape { f64::INFINITY } else { distance.abs() }
     };
-    let mut clearance = packed.objects.iter().enumerate().map(distance).fold(f64::INFINITY, f64::min);
+    let mut clearance = packed.shapes.iter().enumerate().map(distance).fold(f64::INFINITY, f64::min);
     // Irradiance turns with the normal.
-    let own = &packed.objects[object];
+    let own = &packed.shapes[shape];
     if own.kind != PLANE {
         clearance = clearance.min(f64::from(own.extent));
     }

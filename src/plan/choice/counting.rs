@@ -9,7 +9,7 @@ use crate::plan::photon_sample::Sample;
 use crate::plan::radius::{RASTER, visible_points};
 use crate::plan::tiling::MAX_CELLS;
 use crate::rays::scene::SceneTables;
-use crate::records::{Frame, Object, PLANE};
+use crate::records::{Frame, PLANE, Shape};
 use crate::settings::Method;
 
 /// Sizes of tiles that are weighed where none are asked for, pixels.
@@ -70,7 +70,7 @@ impl Picture {
         let points: Vec<(Vec3, usize)> = visible
             .iter()
             .step_by(visible.len().div_ceil(POINTS).max(1))
-            .map(|(p, (object, side))| (*p, 2 * object + usize::from(*side < 0.0)))
+            .map(|(p, (shape, side))| (*p, 2 * shape + usize::from(*side < 0.0)))
             .collect();
         let pixels = f64::from(frame.width * frame.height * frame.samples.max(1.0));
         Picture { pixels, share, each: pixels * share / points.len().max(1) as f64, points }
@@ -88,7 +88,7 @@ struct PhotonsByFace {
 impl PhotonsByFace {
     fn of(scene: &SceneTables, sample: &Sample, stored: u64, points: usize) -> PhotonsByFace {
         let looked_at = sample.positions.len().min(PAIRS / points.max(1));
-        let mut faces = vec![Vec::new(); 2 * scene.objects.len()];
+        let mut faces = vec![Vec::new(); 2 * scene.shapes.len()];
         for (position, face) in sample.positions.iter().zip(&sample.faces).take(looked_at) {
             faces[*face as usize].push(Vec3::from(position.position));
         }
@@ -118,13 +118,13 @@ impl GridCells {
 
 /// The grid of the whole map, by what the sample tells of it.
 fn grid(scene: &SceneTables, sample: &Sample, question: &Question) -> Option<cells::Plan> {
-    let mut bounds = vec![Bounds::EMPTY; 2 * scene.objects.len()];
+    let mut bounds = vec![Bounds::EMPTY; 2 * scene.shapes.len()];
     for (position, face) in sample.positions.iter().zip(&sample.faces) {
         bounds[*face as usize].add(position.position);
     }
     let (stored, wanted) = (question.stored as usize, (question.class.cell_size(), Form::Auto));
     let crowd = || Ok(photon_density::crowd(&sample.positions, sample.faces.iter().copied(), stored, question.radius));
-    cells::plan_by_crowd(scene.objects, &bounds, stored, question.radius, wanted, crowd).ok()
+    cells::plan_by_crowd(scene.shapes, scene.is_glossy(), &bounds, stored, question.radius, wanted, crowd).ok()
 }
 
 /// Counts around all points.
@@ -168,25 +168,25 @@ struct Around<'a> {
 impl Around<'_> {
     /// Adds what lies around one point.
     fn count(&self, point: Vec3, face: usize, photons: &[Vec3], sums: &mut Sums) {
-        let object = &self.scene.objects[face / 2];
+        let shape = &self.scene.shapes[face / 2];
         let radius = self.question.radius;
-        let extent = Extent::at(point, object, self.frame);
+        let extent = Extent::at(point, shape, self.frame);
         // Pixels that gather together walk over what is near any of them, unless that is far apart.
         let block = block(self.question.class);
         let together = if block > 1.0 { extent.disc([block; 2]).min(2.0 * radius) } else { 0.0 };
         let reach = radius + together;
-        sums.rows += rows(object, reach, self.cells.cell);
+        sums.rows += rows(shape, reach, self.cells.cell);
         let mut farthest = reach + self.cells.beyond;
         let in_cells = farthest.powi(2);
         let mut reaches = [Reaches::default(); MOST_SIZES];
         for ((size, tiled), reaches) in self.sizes.iter().zip(&mut sums.tiled).zip(&mut reaches) {
             // A large tile's cells are larger than a grid's: it has only so many, and towards a horizon sees far.
-            let area = match object.kind == PLANE {
-                true => plane_area(object, self.frame, pixel_of(self.frame, extent.away), *size, radius),
+            let area = match shape.kind == PLANE {
+                true => plane_area(shape, self.frame, pixel_of(self.frame, extent.away), *size, radius),
                 false => extent.area(size.map(|pixels| pixels as f32), 2.0 * radius),
             };
             let own_cell = (radius / CELLS_PER_RADIUS).max((area / MAX_CELLS as f32).sqrt());
-            tiled.rows += rows(object, reach, own_cell);
+            tiled.rows += rows(shape, reach, own_cell);
             tiled.cells += f64::from(area / (own_cell * own_cell));
             let list = radius + extent.disc(size.map(|pixels| pixels as f32));
             *reaches = Reaches { list: list * list, cells: list.min(reach + BEYOND * own_cell).powi(2) };
@@ -220,8 +220,8 @@ fn block(class: Class) -> f32 {
 
 /// Rows of cells of this width that a query goes through. Where the surface crosses the rows, there are as many in the
 /// other direction too.
-fn rows(object: &Object, reach: f32, cell: f32) -> f64 {
-    let is_flat = object.kind == PLANE && Vec3::from(object.anchor).abs().max_element() > 0.999;
+fn rows(shape: &Shape, reach: f32, cell: f32) -> f64 {
+    let is_flat = shape.kind == PLANE && Vec3::from(shape.anchor).abs().max_element() > 0.999;
     let along = 2.0 * reach / cell + 1.0;
     f64::from(if is_flat { along } else { along * along })
 }

@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use crate::plan::cells::Bounds;
 use crate::rays::camera::camera_direction;
-use crate::records::{Frame, Object, PLANE};
+use crate::records::{Frame, PLANE, Shape};
 
 /// How large areas of the image are on the surface at a point.
 pub struct Extent {
@@ -19,11 +19,11 @@ pub struct Extent {
 }
 
 impl Extent {
-    /// Of the surface of `object` at a point.
-    pub fn at(point: Vec3, object: &Object, frame: &Frame) -> Extent {
+    /// Of the surface of `shape` at a point.
+    pub fn at(point: Vec3, shape: &Shape, frame: &Frame) -> Extent {
         let away = point - Vec3::from(frame.position);
         let depth = away.dot(frame.forward.into());
-        let normal = if object.kind == PLANE { object.anchor.into() } else { point - Vec3::from(object.anchor) };
+        let normal = if shape.kind == PLANE { shape.anchor.into() } else { point - Vec3::from(shape.anchor) };
         let cosine = (away.dot(normal) / (away.length() * normal.length())).abs().max(0.03);
         let image = [frame.right, frame.up].map(|half| 2.0 * Vec3::from(half).length() * depth);
         Extent { away, image, pixels: [frame.width, frame.height], cosine }
@@ -58,7 +58,7 @@ pub fn pixel_of(frame: &Frame, away: Vec3) -> [f32; 2] {
 
 /// Square metres of the box of what a pixel's tile sees of a plane, R farther on all sides; nothing stands before it. Where
 /// the tile reaches beyond the horizon, as far as its last pixel may see.
-pub fn plane_area(plane: &Object, frame: &Frame, pixel: [f32; 2], tile: [u32; 2], radius: f32) -> f32 {
+pub fn plane_area(plane: &Shape, frame: &Frame, pixel: [f32; 2], tile: [u32; 2], radius: f32) -> f32 {
     let (origin, normal) = (Vec3::from(frame.position), Vec3::from(plane.anchor));
     let height = plane.extent - normal.dot(origin);
     let farthest = height.abs() * frame.height / Vec3::from(frame.up).length();
@@ -91,7 +91,7 @@ mod tests {
         let (width, height) = (200.0, 100.0);
         let (right, up, forward) = ([1.0, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, 0.0, -1.0]);
         let frame = Frame { right, up, forward, position: [0.0, 1.0, 0.0], width, height, ..Frame::default() };
-        let ground = Object { kind: PLANE, anchor: [0.0, 1.0, 0.0], extent: 0.0, ..Object::default() };
+        let ground = Shape { kind: PLANE, anchor: [0.0, 1.0, 0.0], extent: 0.0, ..Shape::default() };
         let point = Vec3::new(0.35, 0.0, -2.5);
         let pixel = pixel_of(&frame, point - Vec3::from(frame.position));
         assert!((pixel[0] - 114.0).abs() < 1e-3 && (pixel[1] - 90.0).abs() < 1e-3, "{pixel:?}");

@@ -7,7 +7,7 @@ pub use lines::Lines;
 
 use crate::error::{Error, Result};
 use crate::plan::cells::{Bounds, CELLS_PER_RADIUS, flipped};
-use crate::records::{Frame, Gather, MAX_EXACT_INDEX, Object, Region, Tile};
+use crate::records::{Frame, Gather, MAX_EXACT_INDEX, Region, Shape, Tile};
 
 /// Width and height of a tile where none are asked for, pixels.
 pub const TILE: [u32; 2] = [32, 32];
@@ -66,7 +66,7 @@ pub fn tiles_of(frame: &Frame, tile: [u32; 2]) -> [u32; 2] {
 ///
 /// # Errors
 /// [`Error::Usage`] when there are more photons, tiles or regions than a float can count.
-pub fn plan(objects: &[Object], frame: &Frame, mut seen: Vec<Seen>, photons: usize, wanted: &Wanted) -> Result<Plan> {
+pub fn plan(shapes: &[Shape], frame: &Frame, mut seen: Vec<Seen>, photons: usize, wanted: &Wanted) -> Result<Plan> {
     let size = tiles_of(frame, wanted.tile);
     let tile = within(frame, wanted.tile);
     let tile_count = size[0] as usize * size[1] as usize;
@@ -109,7 +109,7 @@ pub fn plan(objects: &[Object], frame: &Frame, mut seen: Vec<Seen>, photons: usi
         let flat = [0, 1, 2].map(|axis| high[axis] - low[axis] < FLAT * wanted.radius);
         let [cell, along] =
             if wanted.cells { cells_of(extent, flat, wanted.radius, affordable) } else { [extent, [1.0; 3]] };
-        let flip = flipped(&objects[face as usize / 2]);
+        let flip = flipped(&shapes[face as usize / 2]);
         let axes = if flip { [1, 0, 2] } else { [0, 1, 2] };
         regions.push(Region {
             low,
@@ -135,7 +135,7 @@ pub fn plan(objects: &[Object], frame: &Frame, mut seen: Vec<Seen>, photons: usi
         tile_height: tile[1] as f32,
         ..Gather::default()
     };
-    let lines = Lines::of(&tiles, &regions, size, 2 * objects.len());
+    let lines = Lines::of(&tiles, &regions, size, 2 * shapes.len());
     Ok(Plan { size, gather, tiles, regions, cells, lines })
 }
 
@@ -183,10 +183,10 @@ mod tests {
         Seen { tile, face, bounds: Bounds { low, high } }
     }
 
-    fn objects() -> Vec<Object> {
+    fn shapes() -> Vec<Shape> {
         vec![
-            Object { anchor: [0.0, 1.0, 0.0], kind: PLANE, ..Object::default() },
-            Object { anchor: [1.0, 0.0, 0.0], kind: PLANE, ..Object::default() },
+            Shape { anchor: [0.0, 1.0, 0.0], kind: PLANE, ..Shape::default() },
+            Shape { anchor: [1.0, 0.0, 0.0], kind: PLANE, ..Shape::default() },
         ]
     }
 
@@ -201,7 +201,7 @@ mod tests {
         ];
         for cells in [false, true] {
             let wanted = Wanted { radius: 0.5, tile: [32, 32], cells };
-            let plan = plan(&objects(), &frame, parts.clone(), 1000, &wanted).unwrap();
+            let plan = plan(&shapes(), &frame, parts.clone(), 1000, &wanted).unwrap();
             assert_eq!(plan.size, [3, 2]);
             let tile = |i: usize| (plan.tiles[i].first, plan.tiles[i].count);
             assert_eq!((tile(0), tile(1).1, tile(2), tile(5).1), ((0.0, 1.0), 0.0, (1.0, 2.0), 0.0));
@@ -222,7 +222,7 @@ mod tests {
         for far in [1e1, 1e4, 1e8, 1e14] {
             let wanted = Wanted { radius: 0.1, tile: [32, 32], cells: true };
             let parts = (0..4).map(|tile| seen(tile, 0, [-far, 0.0, -far], [far, 0.0, far])).collect();
-            let plan = plan(&objects(), &frame, parts, 100_000, &wanted).unwrap();
+            let plan = plan(&shapes(), &frame, parts, 100_000, &wanted).unwrap();
             assert!(plan.cells <= 4 * MAX_CELLS, "{far}: {}", plan.cells);
             let region = plan.regions[0];
             assert!((0..3).all(|i| region.counts[i] * region.cell[i] >= region.high[i] - region.low[i]));
@@ -234,7 +234,7 @@ mod tests {
         let frame = Frame { width: 48.0, height: 36.0, ..Frame::default() };
         let of = |tile| {
             let wanted = Wanted { radius: 0.5, tile, cells: true };
-            plan(&objects(), &frame, vec![seen(0, 0, [0.0; 3], [1.0, 0.0, 1.0])], 1000, &wanted).unwrap()
+            plan(&shapes(), &frame, vec![seen(0, 0, [0.0; 3], [1.0, 0.0, 1.0])], 1000, &wanted).unwrap()
         };
         let image = of([48, 36]);
         for tile in [[32_768; 2], [48, 37], [49, 36], [u32::MAX; 2]] {

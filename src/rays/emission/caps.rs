@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use super::{CELLS, COLUMNS_LOG2, ROWS_LOG2};
 use crate::records::packing::Packed;
-use crate::records::{Object, PLANE};
+use crate::records::{PLANE, Shape};
 
 /// Directions from a light in which it can hit an object: those within an angle of an axis.
 pub struct Cap {
@@ -27,10 +27,10 @@ impl Cap {
 
 /// Where a light can hit something, an object a cap; none where it can everywhere. In doubt, it can.
 pub fn caps(packed: &Packed, light: DVec3) -> Option<Vec<Cap>> {
-    let cap = |object: &Object| {
-        let anchor = DVec3::from(object.anchor.map(f64::from));
-        let extent = f64::from(object.extent);
-        if object.kind == PLANE {
+    let cap = |shape: &Shape| {
+        let anchor = DVec3::from(shape.anchor.map(f64::from));
+        let extent = f64::from(shape.extent);
+        if shape.kind == PLANE {
             let distance = extent - anchor.dot(light);
             // 1e-5 of the numbers that cancel: float32 resolves them to 1e-7.
             let is_beside = distance.abs() > 1e-5 * (light.abs().dot(anchor.abs()) + extent.abs());
@@ -41,7 +41,7 @@ pub fn caps(packed: &Packed, light: DVec3) -> Option<Vec<Cap>> {
             (sine < 1.0).then(|| Cap { axis: (anchor - light) / distance, sine, cosine: (1.0 - sine * sine).sqrt() })
         }
     };
-    packed.objects.iter().map(cap).collect()
+    packed.shapes.iter().map(cap).collect()
 }
 
 /// A cone around a direction.

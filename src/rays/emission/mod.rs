@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 
 use crate::error::{Error, Result};
 use crate::records::packing::Packed;
-use crate::records::{Emitter, Light, Object, PLANE};
+use crate::records::{Emitter, Light, PLANE, Shape};
 pub use crate::settings::{Amount, Sampler};
 
 mod caps;
@@ -266,22 +266,22 @@ const PARTS: f64 = 4.0;
 /// for diffuse and mirrored directions alike.
 fn worth(packed: &Packed, light: DVec3, cell: u32) -> f64 {
     let axis = cones()[cell as usize].axis;
-    let Some((object, point)) = nearest(packed, light, axis, None) else { return 0.0 };
-    let hit = &packed.objects[object];
+    let Some((shape, point)) = nearest(packed, light, axis, None) else { return 0.0 };
+    let (hit, material) = (&packed.shapes[shape], packed.material_of(shape));
     let anchor = DVec3::from(hit.anchor.map(f64::from));
     let normal = if hit.kind == PLANE { anchor } else { (point - anchor).normalize() };
     let normal = if normal.dot(axis) > 0.0 { -normal } else { normal };
-    let albedo = f64::from(hit.color.iter().copied().fold(0.0, f32::max) * hit.diffuse);
+    let albedo = f64::from(material.color.iter().copied().fold(0.0, f32::max) * material.diffuse);
     // Directions of density cos/π: the normal plus points of the unit sphere.
-    let directions = directions(packed.objects.len());
+    let directions = directions(packed.shapes.len());
     let goes_on = directions.iter().filter(|on_sphere| {
         let direction = normal + **on_sphere;
-        meets(packed, point, direction.normalize_or(normal), Some(object))
+        meets(packed, point, direction.normalize_or(normal), Some(shape))
     });
     let diffuse = albedo * goes_on.count() as f64 / directions.len() as f64;
     let mirrored = axis - normal * (2.0 * axis.dot(normal));
-    let glossy = f64::from(hit.specular);
-    diffuse + if glossy > 0.0 && meets(packed, point, mirrored, Some(object)) { glossy } else { 0.0 }
+    let glossy = f64::from(material.specular);
+    diffuse + if glossy > 0.0 && meets(packed, point, mirrored, Some(shape)) { glossy } else { 0.0 }
 }
 
 /// Point `i` of `count` on the unit sphere, on a spiral (Vogel 1979).
@@ -306,34 +306,34 @@ const DIRECTIONS: u32 = 64;
 /// Objects from which on directions become fewer: a lamp that moves waits for all of them.
 const MANY: u32 = 64;
 
-fn directions(objects: usize) -> &'static [DVec3] {
+fn directions(shapes: usize) -> &'static [DVec3] {
     static POINTS: LazyLock<Vec<Vec<DVec3>>> = LazyLock::new(|| {
         let points = |count| (0..count).map(|i| on_sphere(i, count)).collect();
         (0..=DIRECTIONS).map(points).collect()
     });
-    let count = DIRECTIONS * MANY / (objects as u32).max(MANY);
+    let count = DIRECTIONS * MANY / (shapes as u32).max(MANY);
     &POINTS[count.max(8) as usize]
 }
 
 /// The first object along a ray that starts on `origin_on`, and where; for estimates only.
 fn nearest(packed: &Packed, origin: DVec3, direction: DVec3, origin_on: Option<usize>) -> Option<(usize, DVec3)> {
-    let hits = packed.objects.iter().enumerate().filter_map(|(number, object)| {
-        distance(object, origin, direction, origin_on == Some(number)).map(|distance| (number, distance))
+    let hits = packed.shapes.iter().enumerate().filter_map(|(number, shape)| {
+        distance(shape, origin, direction, origin_on == Some(number)).map(|distance| (number, distance))
     });
     hits.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(number, distance)| (number, origin + direction * distance))
 }
 
 /// Whether there is any. Planes, which come last, are what is hit most often.
 fn meets(packed: &Packed, origin: DVec3, direction: DVec3, origin_on: Option<usize>) -> bool {
-    let mut objects = packed.objects.iter().enumerate().rev();
-    objects.any(|(number, object)| distance(object, origin, direction, origin_on == Some(number)).is_some())
+    let mut shapes = packed.shapes.iter().enumerate().rev();
+    shapes.any(|(number, shape)| distance(shape, origin, direction, origin_on == Some(number)).is_some())
 }
 
 /// How far along a ray an object is, where it is hit; `own`: the ray starts on it.
-fn distance(object: &Object, origin: DVec3, direction: DVec3, own: bool) -> Option<f64> {
-    let anchor = DVec3::from(object.anchor.map(f64::from));
-    let extent = f64::from(object.extent);
-    let distance = if object.kind == PLANE {
+fn distance(shape: &Shape, origin: DVec3, direction: DVec3, own: bool) -> Option<f64> {
+    let anchor = DVec3::from(shape.anchor.map(f64::from));
+    let extent = f64::from(shape.extent);
+    let distance = if shape.kind == PLANE {
         if own { f64::NAN } else { (extent - anchor.dot(origin)) / anchor.dot(direction) }
     } else {
         let approach = (anchor - origin).dot(direction);

@@ -11,14 +11,15 @@ use crate::film::Image;
 use crate::program::gathering::Gathering;
 use crate::program::source::{Options, assemble};
 use crate::records::packing::Packed;
-use crate::records::{Frame, Gather, Light, LitPoint, Object, Site, SiteLattice, SiteSurface};
+use crate::records::{Frame, Gather, Light, LitPoint, Material, Shape, Site, SiteLattice, SiteSurface};
 use crate::stage::irradiance::IrradianceView;
 use crate::stage::map::MapView;
 
 /// Traces and gathers by OpenCL's kernels; the film is a buffer.
 pub struct ClTrace {
     context: Rc<Context>,
-    objects: Option<Buffer<Object>>,
+    shapes: Option<Buffer<Shape>>,
+    materials: Option<Buffer<Material>>,
     lights: Option<Buffer<Light>>,
     frame: Buffer<Frame>,
     film: Option<(u32, u32, Buffer<[f32; 3]>)>,
@@ -73,11 +74,12 @@ impl ClTrace {
     /// [`crate::error::Error::Device`] when the device has no room.
     pub fn new(context: Rc<Context>) -> Result<ClTrace> {
         let (frame, lattice, slice) = (Buffer::new(&context, 1)?, Buffer::new(&context, 1)?, Buffer::new(&context, 1)?);
-        let (objects, lights, film, part, points, sites, active) = Default::default();
+        let (shapes, materials, lights, film, part, points, sites, active) = Default::default();
         let (pause, missing) = Default::default();
         Ok(ClTrace {
             context,
-            objects,
+            shapes,
+            materials,
             lights,
             frame,
             film,
@@ -164,7 +166,8 @@ impl Trace for ClTrace {
 
     fn upload(&mut self, packed: &Packed) -> Result<()> {
         check_count(packed)?;
-        self.objects = Some(Buffer::from_slice(&self.context, &packed.objects)?);
+        self.shapes = Some(Buffer::from_slice(&self.context, &packed.shapes)?);
+        self.materials = Some(Buffer::from_slice(&self.context, &packed.materials)?);
         self.lights = Some(Buffer::from_slice(&self.context, &packed.lights)?);
         Ok(())
     }
@@ -179,12 +182,12 @@ impl Trace for ClTrace {
         if let (Some(active), false) = (&mut self.active, draws.is_whole(frame)) {
             active.build_sliced(&self.context)?;
         }
-        let (Some(active), Some(objects), Some(lights), Some((_, _, film))) =
-            (&self.active, &self.objects, &self.lights, &self.film)
+        let (Some(active), Some(shapes), Some(materials), Some(lights), Some((_, _, film))) =
+            (&self.active, &self.shapes, &self.materials, &self.lights, &self.film)
         else {
             return Err(out_of_order("OpenCL"));
         };
-        let mut args: Vec<Arg> = vec![(&self.frame).into(), objects.into(), lights.into()];
+        let mut args: Vec<Arg> = vec![(&self.frame).into(), shapes.into(), materials.into(), lights.into()];
         match (active.permutation.gathering, indirect) {
             (None, Indirect::None) => {}
             (Some(gathering), Indirect::Map(MapView::Device { stored: Some(stored), tiles: Some(tiles), .. }))

@@ -80,7 +80,7 @@ impl Trace for CpuTrace {
     }
 
     fn bytes(&self) -> usize {
-        self.packed.as_ref().map_or(0, |p| size_of_val(&p.objects[..]) + size_of_val(&p.lights[..]))
+        self.packed.as_ref().map_or(0, |p| size_of_val(&p.shapes[..]) + size_of_val(&p.lights[..]))
             + size_of_val(&self.film.pixels[..])
     }
 }

@@ -60,15 +60,15 @@ impl Draws {
     pub fn within(rounds: Option<Rounds>, frame: &Frame, indirect: &Indirect, query: Option<Query>) -> Result<Draws> {
         let Some(Rounds { granted, is_hard }) = rounds else { return Ok(Draws::whole(frame)) };
         let samples = frame.samples as u64;
-        let (objects, lights) = ((frame.sphere_count + frame.plane_count) as u64, frame.light_count as u64);
+        let (shapes, lights) = ((frame.sphere_count + frame.plane_count) as u64, frame.light_count as u64);
         let planes = frame.plane_count as u64;
         // Closest hit, the planes' sides, a shadow ray a light; the clipped disc's planes once, and twice more for each of six
         // that cut it; 32 bits of a Sobol' number.
-        let mut fixed = objects * (3 + lights) + lights + 2 * planes * planes.min(6) + 64;
+        let mut fixed = shapes * (3 + lights) + lights + 2 * planes * planes.min(6) + 64;
         let mut candidates = 0;
         if let Indirect::Final(_, FinalPass { lattice, .. }) = indirect {
-            fixed += lattice.rays.max(lattice.own_rays) as u64 * (objects * (2 + lights) + lights + 1);
-            fixed += lattice.points as u64 * (objects + 1);
+            fixed += lattice.rays.max(lattice.own_rays) as u64 * (shapes * (2 + lights) + lights + 1);
+            fixed += lattice.points as u64 * (shapes + 1);
         }
         if let Some(query) = query {
             fixed += query.across * (2 * query.across + 1);

@@ -14,7 +14,7 @@ use crate::program::features::Features;
 use crate::program::gathering::Gathering;
 use crate::program::source::{Options, Source, assemble};
 use crate::records::packing::Packed;
-use crate::records::{Frame, Light, Object, Record, TEXTURE_WIDTH_LOG2};
+use crate::records::{Frame, Light, Material, Record, Shape, TEXTURE_WIDTH_LOG2};
 use crate::stage::irradiance::IrradianceView;
 use crate::stage::map::MapView;
 use crate::stage::photon_textures::PhotonTextures;
@@ -22,10 +22,11 @@ use crate::stage::photon_textures::PhotonTextures;
 /// A fragment shader on a full-screen quad.
 pub struct GlTrace {
     gl: Functions,
-    objects: TableTexture,
+    shapes: TableTexture,
+    materials: TableTexture,
     lights: TableTexture,
     /// The records of a scene that travels in uniforms.
-    small: Option<(Vec<Object>, Vec<Light>)>,
+    small: Option<(Vec<Shape>, Vec<Material>, Vec<Light>)>,
     photons: PhotonTextures,
     finals: FinalTextures,
     target: Option<(u32, u32, Target)>,
@@ -37,7 +38,7 @@ pub struct GlTrace {
     /// Loop rounds of a fragment.
     rounds: Rounds,
     /// Whether a software rasteriser draws: texels are then asked of the sampler rather than fetched by integers (see
-    /// `shim.glsl`), and loops over few objects unrolled (see [`crate::program::features::FEW_OBJECTS`]).
+    /// `shim.glsl`), and loops over few objects unrolled (see [`crate::program::features::FEW_SHAPES`]).
     is_software: bool,
     /// Called between bands of rows.
     pause: Option<Pause>,
@@ -49,7 +50,7 @@ pub struct GlTrace {
 impl GlTrace {
     /// Samplers of `trace.frag` in the order of the texture units: the photon map's, then the scene's, which a small
     /// scene does without.
-    const SCENE_SAMPLERS: [&str; 2] = [Object::TABLE, Light::TABLE];
+    const SCENE_SAMPLERS: [&str; 3] = [Shape::TABLE, Material::TABLE, Light::TABLE];
 
     /// On the current context; software rasterisers grant a fragment only so many loop rounds.
     ///
@@ -58,7 +59,8 @@ impl GlTrace {
     pub fn new(gl: &Functions, is_software: bool) -> Result<GlTrace> {
         Ok(GlTrace {
             gl: gl.clone(),
-            objects: TableTexture::new(gl, TEXTURE_WIDTH_LOG2)?,
+            shapes: TableTexture::new(gl, TEXTURE_WIDTH_LOG2)?,
+            materials: TableTexture::new(gl, TEXTURE_WIDTH_LOG2)?,
             lights: TableTexture::new(gl, TEXTURE_WIDTH_LOG2)?,
             small: None,
             photons: PhotonTextures::new(gl, is_software)?,
@@ -107,13 +109,15 @@ impl GlTrace {
     fn bind_scene(&self, program: &Program, frame: &Frame, first: u32) {
         program.set_records(std::slice::from_ref(frame));
         match &self.small {
-            Some((objects, lights)) => {
-                program.set_records(objects);
+            Some((shapes, materials, lights)) => {
+                program.set_records(shapes);
+                program.set_records(materials);
                 program.set_records(lights);
             }
             None => {
-                self.objects.bind(first);
-                self.lights.bind(first + 1);
+                self.shapes.bind(first);
+                self.materials.bind(first + 1);
+                self.lights.bind(first + 2);
             }
         }
     }
@@ -150,11 +154,13 @@ impl Trace for GlTrace {
 
     fn upload(&mut self, packed: &Packed) -> Result<()> {
         check_count(packed)?;
-        self.small = packed.in_uniforms().then(|| (packed.objects.clone(), packed.lights.clone()));
+        self.small =
+            packed.in_uniforms().then(|| (packed.shapes.clone(), packed.materials.clone(), packed.lights.clone()));
         if self.small.is_some() {
             return Ok(());
         }
-        self.objects.fill(&packed.objects)?;
+        self.shapes.fill(&packed.shapes)?;
+        self.materials.fill(&packed.materials)?;
         self.lights.fill(&packed.lights)
     }
 
@@ -268,6 +274,6 @@ impl Trace for GlTrace {
 
     fn bytes(&self) -> usize {
         let target = self.target.as_ref().map_or(0, |(_, _, target)| target.bytes());
-        self.objects.bytes() + self.lights.bytes() + self.photons.bytes() + self.finals.bytes() + target
+        self.shapes.bytes() + self.lights.bytes() + self.photons.bytes() + self.finals.bytes() + target
     }
 }

@@ -126,7 +126,7 @@ pub trait Trace {
 }
 
 fn check_count(packed: &Packed) -> Result<()> {
-    match packed.objects.len().max(packed.lights.len()) as u64 {
+    match packed.shapes.len().max(packed.lights.len()) as u64 {
         count if count >= MAX_EXACT_INDEX => Err(Error::Usage(format!(
             "{count} objects: indices travel as float values, which are exact below {MAX_EXACT_INDEX} only"
         ))),

@@ -4,9 +4,10 @@ use glam::Vec3;
 
 use super::{Case, RAYS, SEED};
 use crate::rays::camera::normalize3;
-use crate::rays::intersect::{INFINITE, Sides, hit_sphere};
 use crate::rays::random::{hash_u, hash2_u, unit_real};
 use crate::rays::scene::{Hit, SceneTables, Surface};
+use crate::rays::shapes::sphere::hit_sphere;
+use crate::rays::shapes::{INFINITE, Sides};
 use crate::rays::walk::{sample_cosine, sample_sphere};
 use crate::stress::Fault;
 use crate::stress::lab::{Answer, features};
@@ -72,13 +73,13 @@ fn aimed(case: &Case, surface: &Surface, key: u32) -> Option<Vec3> {
 /// Which count a hit belongs to, if any.
 fn wrong(case: &Case, surface: &Surface, from: Option<usize>) -> Option<usize> {
     let p = surface.position;
-    let is_sphere = surface.object < case.packed.sphere_count;
+    let is_sphere = surface.shape < case.packed.sphere_count;
     let outside = p.cmplt(case.low - case.tolerance).any() || p.cmpgt(case.high + case.tolerance).any();
     let within = |k: usize| {
-        let (away, depth) = (p - Vec3::from(case.packed.objects[k].anchor), case.packed.objects[k].extent);
+        let (away, depth) = (p - Vec3::from(case.packed.shapes[k].anchor), case.packed.shapes[k].extent);
         away.dot(away) < (depth - case.tolerance).max(0.0).powi(2)
     };
-    let own = from.is_some_and(|face| face / 2 == surface.object && (face % 2 == 0 || !is_sphere));
+    let own = from.is_some_and(|face| face / 2 == surface.shape && (face % 2 == 0 || !is_sphere));
     match () {
         () if own => Some(2),
         () if outside => Some(3),
@@ -90,19 +91,19 @@ fn wrong(case: &Case, surface: &Surface, from: Option<usize>) -> Option<usize> {
 /// Planes as they are often written.
 fn with_epsilon(scene: &SceneTables, origin: Vec3, direction: Vec3, from: Option<usize>) -> Option<Hit> {
     let mut closest: Option<Hit> = None;
-    for (object, record) in scene.objects.iter().enumerate() {
+    for (shape, record) in scene.shapes.iter().enumerate() {
         let anchor = Vec3::from(record.anchor);
-        let is_sphere = object < scene.sphere_count;
+        let is_sphere = shape < scene.sphere_count;
         let t = match is_sphere {
             true => {
-                let on = from.is_some_and(|face| face / 2 == object);
+                let on = from.is_some_and(|face| face / 2 == shape);
                 hit_sphere(origin, direction, anchor, record.extent, on, Sides::Both { behind: false })
             }
             false => (record.extent - anchor.dot(origin)) / anchor.dot(direction),
         };
         let least = if is_sphere { 0.0 } else { 1e-3 };
         if t > least && t < INFINITE && closest.is_none_or(|hit| t < hit.t) {
-            closest = Some(Hit { t, object, from });
+            closest = Some(Hit { t, shape, from });
         }
     }
     closest
