@@ -14,7 +14,7 @@ use crate::plan::choice::{self, Class, Estimate, Question};
 use crate::plan::radius;
 use crate::program::features::{Features, Reason};
 use crate::program::source::{Options, assemble, units};
-use crate::rays::emission::Plan;
+use crate::rays::emission::EmissionPlan;
 use crate::rays::scene::SceneTables;
 use crate::records::packing::Packed;
 use crate::records::{Frame, Light, Material, Record, Shape, TEXEL, TEXTURE_WIDTH_LOG2, TextureShape};
@@ -128,7 +128,7 @@ fn gathering(
 
 /// What paths are spared by leaving out directions in which nothing can be hit; empty where there are none.
 fn aimed(packed: &Packed, settings: &Settings) -> Result<String> {
-    let plan = Plan::of(packed, settings.light == LightMode::Photons)?;
+    let plan = EmissionPlan::of(packed, settings.light == LightMode::Photons)?;
     let wasted = 100.0 * (1.0 - plan.useful_share(packed));
     Ok(match plan.cells.is_empty() {
         true => String::new(),

@@ -30,7 +30,7 @@ use crate::scene::Scene;
 use crate::settings::{
     Amount, Backend, CellLattice, FinalGather, Gather, GridForm, LightMode, Method, Settings, Technique,
 };
-use crate::stage::grid::Wanted;
+use crate::stage::grid::GridSettings;
 use crate::stage::irradiance::{IrradianceStage, IrradianceView};
 use crate::stage::map::{MapCounts, MapStage, MapView};
 use crate::stage::trace::{ClTrace, CpuTrace, GlTrace, Indirect, Pause, Permutation, Trace};
@@ -359,7 +359,7 @@ impl Pipeline {
             }
             if chosen.method.is_tiled() && stale(Stage::Tiles) {
                 let cells = chosen.method == Method::TiledGrid;
-                let wanted = tiling::Wanted { radius: chosen.radius, tile: chosen.tile, cells };
+                let wanted = tiling::TileSettings { radius: chosen.radius, tile: chosen.tile, cells };
                 self.map.tile(&frame, &features, &wanted)?;
                 times.tiles = stopwatch.ms();
             }
@@ -598,7 +598,7 @@ fn indirect<'a>(
 const TWO_COPIES: usize = 32_000_000;
 
 /// The grid that these settings ask for, with cells of a `usual` size where they ask for none.
-fn grid_wanted(settings: &Settings, radius: f32, usual: CellSize, origin: DVec3) -> Wanted {
+fn grid_wanted(settings: &Settings, radius: f32, usual: CellSize, origin: DVec3) -> GridSettings {
     let size = match (settings.gather.lattice, settings.gather.cells) {
         (Some(CellLattice { corner, cell }), _) => {
             CellSize::Lattice { corner: (DVec3::from(corner) - origin).as_vec3().to_array(), cell }
@@ -611,7 +611,7 @@ fn grid_wanted(settings: &Settings, radius: f32, usual: CellSize, origin: DVec3)
         GridForm::Dense => Form::Dense,
         GridForm::Hashed => Form::Hashed(None),
     };
-    Wanted { radius, size, form, nearest: settings.gather.nearest }
+    GridSettings { radius, size, form, nearest: settings.gather.nearest }
 }
 
 /// What one pass emits at these settings.

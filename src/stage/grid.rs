@@ -12,7 +12,7 @@ use super::trace::draws::{cells_within, touched};
 use crate::device::cl::{Arg, Buffer, Context, Kernel, PART_ALIGNMENT};
 use crate::device::submissions;
 use crate::error::Result;
-use crate::plan::cells::{Bounds, CellSize, Form, Plan, photon_density, plan_by_crowd};
+use crate::plan::cells::{Bounds, CellSize, Form, GridPlan, photon_density, plan_by_crowd};
 use crate::program::gathering::Method;
 use crate::program::source::{Options, assemble};
 use crate::records::face::faces_of;
@@ -24,12 +24,12 @@ type Texel = [f32; 3];
 /// A photon map on the device, in the order of its grid's cells. Buffers may be longer than what they hold.
 pub struct Grid {
     /// Form, faces, radius and cell size.
-    pub plan: Plan,
+    pub plan: GridPlan,
     /// How many photons are sorted into it.
     pub count: usize,
-    /// [`Plan::gather`].
+    /// [`GridPlan::gather`].
     pub gather: Buffer<Gather>,
-    /// [`Plan::faces`].
+    /// [`GridPlan::faces`].
     pub faces: Buffer<Face>,
     /// Whole texels; `plan.cells + 1` entries count.
     pub cell_starts: Buffer<f32>,
@@ -58,7 +58,7 @@ pub struct Sorted {
 impl Grid {
     fn empty(context: &Context) -> Result<Grid> {
         Ok(Grid {
-            plan: Plan::default(),
+            plan: GridPlan::default(),
             count: 0,
             gather: Buffer::new(context, 1)?,
             faces: Buffer::new(context, 0)?,
@@ -108,7 +108,7 @@ impl Grid {
 
 /// What a grid is laid out by.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Wanted {
+pub struct GridSettings {
     /// The gather radius R, metres.
     pub radius: f32,
     /// How large cells are.
@@ -119,10 +119,10 @@ pub struct Wanted {
     pub nearest: u32,
 }
 
-impl Wanted {
+impl GridSettings {
     /// A grid for this radius, all else chosen.
-    pub fn radius(radius: f32) -> Wanted {
-        Wanted { radius, size: CellSize::Auto, form: Form::Auto, nearest: 50 }
+    pub fn radius(radius: f32) -> GridSettings {
+        GridSettings { radius, size: CellSize::Auto, form: Form::Auto, nearest: 50 }
     }
 }
 
@@ -207,7 +207,7 @@ impl GridStage {
         context: &Context,
         shapes: &[Shape],
         photons: &Photons,
-        wanted: &Wanted,
+        wanted: &GridSettings,
     ) -> Result<&Grid> {
         let bounds = self.bounds(context, faces_of(shapes.len()), photons)?;
         let crowd = || {
@@ -231,7 +231,13 @@ impl GridStage {
     /// # Errors
     /// [`crate::error::Error::Usage`] when floats cannot count the photons or the cells that were asked for;
     /// [`crate::error::Error::Device`] when memory is short.
-    pub fn build(&mut self, context: &Context, shapes: &[Shape], map: PhotonMap, wanted: &Wanted) -> Result<&Grid> {
+    pub fn build(
+        &mut self,
+        context: &Context,
+        shapes: &[Shape],
+        map: PhotonMap,
+        wanted: &GridSettings,
+    ) -> Result<&Grid> {
         self.lay_out(context, shapes, &map.view(), wanted)?;
         let (hashed, cells, count) = (self.grid.plan.hashed, self.grid.plan.cells, map.stored);
         let slot = usize::from(hashed);

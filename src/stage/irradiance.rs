@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::plan::charts::Charts;
 use crate::program::features::Features;
 use crate::program::source::{Options, assemble};
-use crate::rays::emission::{Amount, Emission, Plan, Quanta};
+use crate::rays::emission::{Amount, Emission, EmissionPlan, Quanta};
 use crate::records::packing::Packed;
 use crate::records::{Chart, Texel};
 
@@ -36,7 +36,7 @@ struct DeviceScene {
     paths: Paths,
     charts: Buffer<Chart>,
     inverse_areas: Buffer<f32>,
-    windows: Buffer<u32>,
+    neighbourhoods: Buffer<u32>,
     sums: Buffer<[u32; 3]>,
     texels: Buffer<Texel>,
 }
@@ -44,7 +44,7 @@ struct DeviceScene {
 /// See [`IrradianceStage::Host`].
 pub struct HostIrradiance {
     pool: Rc<rayon::ThreadPool>,
-    scene: Option<(Packed, Features, Plan, Charts)>,
+    scene: Option<(Packed, Features, EmissionPlan, Charts)>,
     texels: Vec<Texel>,
 }
 
@@ -86,7 +86,7 @@ impl IrradianceStage {
     /// [`Error::Build`] and [`Error::Device`] from the device; [`Error::Usage`] for too many lights.
     pub fn upload(&mut self, packed: &Packed, features: &Features, emission: &Emission, budget: u32) -> Result<()> {
         let charts = Charts::new(packed, budget);
-        let plan = Plan::of(packed, emission.store_direct)?;
+        let plan = EmissionPlan::of(packed, emission.store_direct)?;
         match self {
             IrradianceStage::Device(stage) => {
                 let context = &stage.context;
@@ -103,10 +103,10 @@ impl IrradianceStage {
                         [kernel("irradiance_splat")?, kernel("irradiance_resolve")?, kernel("irradiance_clear")?];
                     stage.kernels = Some((made_for, kernels));
                 }
-                let windows: Vec<u32> = charts.windows.iter().map(|window| window.packed()).collect();
+                let neighbourhoods: Vec<u32> = charts.neighbourhoods.iter().map(|window| window.packed()).collect();
                 stage.scene = Some(DeviceScene {
                     paths,
-                    windows: Buffer::from_slice(context, &windows)?,
+                    neighbourhoods: Buffer::from_slice(context, &neighbourhoods)?,
                     charts: Buffer::from_slice(context, &charts.records)?,
                     inverse_areas: Buffer::from_slice(context, &charts.inverse_areas)?,
                     sums: Buffer::new(context, charts.texels())?,
@@ -149,8 +149,8 @@ impl IrradianceStage {
                 }
                 let texels = Arg::from(&scene.texels);
                 let areas = Arg::from(&scene.inverse_areas);
-                let windows = Arg::from(&scene.windows);
-                let args = [sums, areas, windows, quanta.watts.into(), texels, Arg::Uint(count as u32)];
+                let neighbourhoods = Arg::from(&scene.neighbourhoods);
+                let args = [sums, areas, neighbourhoods, quanta.watts.into(), texels, Arg::Uint(count as u32)];
                 context.launch(resolve, &args, &[count], None)?;
                 context.finish()?;
             }
@@ -178,7 +178,7 @@ impl IrradianceStage {
     }
 
     /// How the lights share the paths.
-    pub fn plan(&self) -> Option<&Plan> {
+    pub fn plan(&self) -> Option<&EmissionPlan> {
         match self {
             IrradianceStage::Device(stage) => stage.scene.as_ref().map(|scene| &scene.paths.plan),
             IrradianceStage::Host(stage) => stage.scene.as_ref().map(|(_, _, plan, _)| plan),

@@ -5,7 +5,7 @@ use std::rc::Rc;
 
 use crate::device::cl::{Arg, Buffer, Context, Kernel};
 use crate::error::Result;
-use crate::rays::emission::{COLUMNS_LOG2, Emission, PART_BITS, Plan, ROWS_LOG2, Sampler};
+use crate::rays::emission::{COLUMNS_LOG2, Emission, EmissionPlan, PART_BITS, ROWS_LOG2, Sampler};
 use crate::records::packing::Packed;
 use crate::records::{Emitter, Frame, Light, Material, Shape};
 
@@ -21,7 +21,7 @@ pub struct Paths {
     /// Emitters of the last two numbers of paths: what is counted to store so many photons, and what stores them.
     emitters: RefCell<Vec<(u32, Rc<Buffer<Emitter>>)>>,
     /// How the lights share their paths.
-    pub plan: Plan,
+    pub plan: EmissionPlan,
 }
 
 /// Consecutive paths that a launch walks, in runs of `length`, one run a lane.
@@ -59,7 +59,7 @@ impl Paths {
     ///
     /// # Errors
     /// [`crate::error::Error::Device`] when the device has no room.
-    pub fn new(context: &Context, packed: &Packed, plan: Plan) -> Result<Paths> {
+    pub fn new(context: &Context, packed: &Packed, plan: EmissionPlan) -> Result<Paths> {
         let frame = Frame {
             sphere_count: packed.sphere_count as f32,
             plane_count: packed.plane_count() as f32,

@@ -11,7 +11,7 @@ use crate::cpu::tiles::TileTables;
 use crate::device::cl::{Buffer, Context};
 use crate::device::gl::{Functions, PixelBuffer, Program, TableTexture};
 use crate::error::{Error, Result};
-use crate::plan::cells::Plan;
+use crate::plan::cells::GridPlan;
 use crate::plan::tiling;
 use crate::program::gathering::{Gathering, Method};
 use crate::records::{
@@ -66,7 +66,7 @@ impl PhotonTextures {
     /// [`crate::error::Error::Device`] when a table is larger than the driver's textures.
     pub fn fill_from_host(
         &mut self,
-        plan: &Plan,
+        plan: &GridPlan,
         stored: &PhotonTables,
         grid: &GridTables,
         gathering: &Gathering,
@@ -146,7 +146,7 @@ impl PhotonTextures {
     ///
     /// # Errors
     /// As [`PhotonTextures::fill`].
-    pub fn fill_tiles_from_host(&mut self, plan: &tiling::Plan, tables: &TileTables) -> Result<()> {
+    pub fn fill_tiles_from_host(&mut self, plan: &tiling::TilePlan, tables: &TileTables) -> Result<()> {
         self.gather = plan.gather;
         self.tables[1].fill_texels(&whole_texels(tables.cell_starts.clone()))?;
         self.tables[6].fill(&plan.tiles)?;
@@ -207,7 +207,7 @@ fn whole_texels(mut list: Vec<f32>) -> Vec<f32> {
 }
 
 /// A bound on the photons that one query looks at: the longest cell's, for all cells that its ball can touch.
-fn most_candidates(plan: &Plan, cell_starts: &[f32], photons: u64) -> u64 {
+fn most_candidates(plan: &GridPlan, cell_starts: &[f32], photons: u64) -> u64 {
     let across = cells_across(&plan.gather);
     let longest_cell =
         |cells: std::ops::Range<usize>| cells.map(|c| (cell_starts[c + 1] - cell_starts[c]) as u64).max().unwrap_or(0);

@@ -26,7 +26,7 @@ use crate::rays::scene::SceneTables;
 use crate::records::packing::Packed;
 use crate::records::{Frame, Material, PLANE, PhotonPosition, PhotonPower, Shape};
 use crate::settings::Backend;
-use crate::stage::grid::{GridStage, Wanted};
+use crate::stage::grid::{GridSettings, GridStage};
 use crate::stage::map::MapView;
 use crate::stage::photon_map::PhotonMap;
 use crate::stage::trace::{ClTrace, CpuTrace, GlTrace, Permutation, Trace};
@@ -282,7 +282,7 @@ fn gathered(bench: &Bench, backend: Backend, case: &Case) -> Result<Vec<[f32; 3]
                 emitted: photons.emitted,
             };
             let mut stage = GridStage::new(&context)?;
-            let grid = stage.build(&context, &packed.shapes, stored, &Wanted::radius(case.radius))?;
+            let grid = stage.build(&context, &packed.shapes, stored, &GridSettings::radius(case.radius))?;
             let gathering = Gathering { hashed: grid.plan.hashed, ..gathering };
             let permutation = Permutation { gathering: Some(gathering), ..permutation };
             let view = MapView::Device { context: &context, stored: None, grid, tiles: None };

@@ -7,7 +7,7 @@ use photile::cpu::gather::{self, photon_radiance};
 use photile::cpu::grid::{GridTables, face_of, grid};
 use photile::device::cl::{Arg, Buffer, Context};
 use photile::device::gl::{Headless, Program, Target};
-use photile::plan::cells::{CellSize, Form, Plan};
+use photile::plan::cells::{CellSize, Form, GridPlan};
 use photile::program::features::{Features, Lights};
 use photile::program::gathering::{DensityKernel, Gathering, Method};
 use photile::program::source::{Options, assemble};
@@ -15,7 +15,7 @@ use photile::rays::camera::camera_direction;
 use photile::rays::scene::{SceneTables, Surface};
 use photile::records::packing::Packed;
 use photile::records::{Frame, Material, SPHERE, Shape};
-use photile::stage::grid::{Grid, GridStage, Wanted};
+use photile::stage::grid::{Grid, GridSettings, GridStage};
 use photile::stage::photon_map::PhotonMap;
 use photile::stage::photon_textures::PhotonTextures;
 
@@ -68,7 +68,7 @@ fn built<'a>(
     context: &Context,
     stage: &'a mut GridStage,
     map: PhotonMap,
-    wanted: &Wanted,
+    wanted: &GridSettings,
     method: Method,
 ) -> (&'a Grid, Option<PhotonMap>) {
     let shapes = packed().shapes;
@@ -82,7 +82,7 @@ fn on_device(
     context: &Context,
     stage: &mut GridStage,
     map: &Map,
-    wanted: &Wanted,
+    wanted: &GridSettings,
     gathering: Gathering,
     lanes: u32,
 ) -> Vec<[f32; 3]> {
@@ -113,7 +113,7 @@ fn on_gl(
     headless: &Headless,
     stage: &mut GridStage,
     map: &Map,
-    wanted: &Wanted,
+    wanted: &GridSettings,
     gathering: Gathering,
 ) -> Vec<[f32; 3]> {
     let (grid, stored) = built(context, stage, upload(context, map), wanted, gathering.method);
@@ -134,11 +134,16 @@ fn on_gl(
 }
 
 /// A map as the twin gathers from it by a grid.
-fn in_grid<'a>(map: &'a Map, gathering: &'a Gathering, plan: &'a Plan, grid: &'a GridTables) -> gather::PhotonMap<'a> {
+fn in_grid<'a>(
+    map: &'a Map,
+    gathering: &'a Gathering,
+    plan: &'a GridPlan,
+    grid: &'a GridTables,
+) -> gather::PhotonMap<'a> {
     gather::PhotonMap { gathering, plan, stored: map.tables(), grid, tiles: None }
 }
 
-fn by_twin(map: &Map, wanted: &Wanted, gathering: Gathering) -> Vec<[f32; 3]> {
+fn by_twin(map: &Map, wanted: &GridSettings, gathering: Gathering) -> Vec<[f32; 3]> {
     let (packed, features, frame) = (packed(), features(), frame());
     let scene = SceneTables::new(&packed, &features);
     let mut plan = map.plan(&packed.shapes, wanted.radius, wanted.size, wanted.form);
@@ -182,19 +187,19 @@ fn grids_of_both_forms_equal_brute_force_on_every_lane_width() {
                 footprints: true,
                 ..Gathering::default()
             };
-            let truth = by_twin(&map, &Wanted::radius(radius), Gathering { method: Method::Brute, ..gathering });
+            let truth = by_twin(&map, &GridSettings::radius(radius), Gathering { method: Method::Brute, ..gathering });
             for form in [Form::Dense, Form::Hashed(Some(32))] {
-                let wanted = Wanted { form, ..Wanted::radius(radius) };
+                let wanted = GridSettings { form, ..GridSettings::radius(radius) };
                 let twin = by_twin(&map, &wanted, gathering);
                 assert!(difference(&truth, &twin) < SAME_HITS, "{kernel:?}, {form:?}: {}", difference(&truth, &twin));
             }
         }
         let gathering = Gathering { clip: true, ..Gathering::default() };
         let brute = Gathering { method: Method::Brute, ..gathering };
-        let truth = on_device(&context, &mut stage, &map, &Wanted::radius(radius), brute, context.device.lanes);
+        let truth = on_device(&context, &mut stage, &map, &GridSettings::radius(radius), brute, context.device.lanes);
         for lanes in [1, context.device.lanes] {
             for form in [Form::Dense, Form::Hashed(Some(32))] {
-                let wanted = Wanted { form, ..Wanted::radius(radius) };
+                let wanted = GridSettings { form, ..GridSettings::radius(radius) };
                 let found = on_device(&context, &mut stage, &map, &wanted, gathering, lanes);
                 let off = difference(&truth, &found);
                 assert!(off < SAME_HITS, "{lanes} lanes, {form:?}, R = {radius}: {off}");
@@ -220,7 +225,7 @@ fn device_and_twin_gather_the_same() {
     ] {
         let gathering =
             Gathering { method, density_kernel: kernel, clip: true, both_sides, footprints: both_sides, hashed: false };
-        let wanted = Wanted { nearest: 12, ..Wanted::radius(0.8) };
+        let wanted = GridSettings { nearest: 12, ..GridSettings::radius(0.8) };
         let twin = by_twin(&map, &wanted, gathering);
         let found = on_device(&context, &mut stage, &map, &wanted, gathering, context.device.lanes);
         let off = difference(&twin, &found);
@@ -279,7 +284,7 @@ fn the_fragment_shader_gathers_the_same() {
     ] {
         let both_sides = form != Form::Dense;
         let gathering = Gathering { method, clip: true, both_sides, footprints: both_sides, ..Gathering::default() };
-        let wanted = Wanted { nearest: 12, form, ..Wanted::radius(0.8) };
+        let wanted = GridSettings { nearest: 12, form, ..GridSettings::radius(0.8) };
         let twin = by_twin(&map, &wanted, gathering);
         let found = on_gl(&context, &headless, &mut stage, &map, &wanted, gathering);
         let off = difference(&twin, &found);
@@ -300,7 +305,7 @@ fn every_kernel_is_the_twins_in_both_languages() {
     let context = device();
     let headless = Headless::new().expect("an OpenGL driver");
     let mut stage = GridStage::new(&context).unwrap();
-    let (map, wanted) = (room_photons(3000, 16), Wanted::radius(0.8));
+    let (map, wanted) = (room_photons(3000, 16), GridSettings::radius(0.8));
     let gathering = |kernel| Gathering { density_kernel: kernel, clip: true, ..Gathering::default() };
     let twins = DensityKernel::ALL.map(|kernel| by_twin(&map, &wanted, gathering(kernel)));
     for (number, kernel) in DensityKernel::ALL.into_iter().enumerate() {
@@ -388,11 +393,11 @@ fn the_device_takes_the_k_nearest_of_either_form() {
     let gathering = Gathering { method: Method::Knn, clip: true, ..Gathering::default() };
     for form in [Form::Dense, Form::Hashed(Some(32))] {
         for k in [1, 2, 30, 256] {
-            let wanted = Wanted { nearest: k, form, ..Wanted::radius(0.8) };
+            let wanted = GridSettings { nearest: k, form, ..GridSettings::radius(0.8) };
             let found = on_device(&context, &mut stage, &map, &wanted, gathering, context.device.lanes);
             let off = difference(&by_twin(&map, &wanted, gathering), &found);
             assert!(off < OTHER_COMPILER, "k = {k}, {form:?}: {off}");
-            let more = by_twin(&map, &Wanted { nearest: k + 1, ..wanted }, gathering);
+            let more = by_twin(&map, &GridSettings { nearest: k + 1, ..wanted }, gathering);
             // No disc holds so many.
             assert!(k == 256 || difference(&more, &found) > OTHER_COMPILER, "{k} for {}, {form:?}", k + 1);
         }
@@ -471,7 +476,7 @@ fn pixel_buffers_fill_textures_as_host_memory_does() {
             let [host, pixels] = [false, true].map(|is_gpu| {
                 // Devices that are not the CPU take the other way.
                 context.context.device.is_gpu = is_gpu;
-                on_gl(&context, &headless, &mut stage, &map, &Wanted::radius(0.8), gathering)
+                on_gl(&context, &headless, &mut stage, &map, &GridSettings::radius(0.8), gathering)
             });
             assert!(host == pixels, "{count} photons, {method:?}");
             assert!(host.iter().flatten().any(|channel| *channel > 0.0));
@@ -485,13 +490,13 @@ fn one_photon_more_or_less_would_be_noticed() {
     let mut fewer = map.clone();
     fewer.powers.iter_mut().for_each(|p| p.power = [0.0; 3]);
     let one = Gathering::default();
-    let all = by_twin(&map, &Wanted::radius(0.8), one);
-    let dark = by_twin(&fewer, &Wanted::radius(0.8), one);
+    let all = by_twin(&map, &GridSettings::radius(0.8), one);
+    let dark = by_twin(&fewer, &GridSettings::radius(0.8), one);
     assert!(difference(&all, &dark) > OTHER_COMPILER);
     let seen = (0..map.len()).find(|i| {
         let mut without = map.clone();
         without.powers[*i].power = [0.0; 3];
-        difference(&all, &by_twin(&without, &Wanted::radius(0.8), one)) > OTHER_COMPILER
+        difference(&all, &by_twin(&without, &GridSettings::radius(0.8), one)) > OTHER_COMPILER
     });
     assert!(seen.is_some(), "a lost photon changes no pixel by more than the tolerance");
 }

@@ -118,7 +118,7 @@ pub enum Form {
 
 /// A laid-out grid.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Plan {
+pub struct GridPlan {
     /// Which form.
     pub hashed: bool,
     /// Cells of the table, or buckets of both.
@@ -169,7 +169,7 @@ pub fn plan_by_crowd(
     radius: f32,
     (size, form): (CellSize, Form),
     crowd: impl FnOnce() -> Result<f32>,
-) -> Result<Plan> {
+) -> Result<GridPlan> {
     let usual = plan(shapes, glossy, bounds, photons, radius, size, form)?;
     if !usual.hashed || (size, form) != (CellSize::Fragments, Form::Auto) || crowd()? >= FEW_HASHED {
         return Ok(usual);
@@ -193,7 +193,7 @@ pub fn plan(
     radius: f32,
     size: CellSize,
     form: Form,
-) -> Result<Plan> {
+) -> Result<GridPlan> {
     let rows: &[(f32, f32)] = match (size, form) {
         (CellSize::Auto, Form::Auto) => &TOGETHER,
         (CellSize::Alone | CellSize::Fragments, Form::Auto) if within_a_disc(bounds, photons, radius) < FEW => &SPARSE,
@@ -310,7 +310,7 @@ pub fn plan(
         bucket_mask: (table - 1) as f32,
         ..Gather::default()
     };
-    Ok(Plan { hashed, cells, faces, gather })
+    Ok(GridPlan { hashed, cells, faces, gather })
 }
 
 #[cfg(test)]

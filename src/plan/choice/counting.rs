@@ -117,7 +117,7 @@ impl GridCells {
 }
 
 /// The grid of the whole map, by what the sample tells of it.
-fn grid(scene: &SceneTables, sample: &Sample, question: &Question) -> Option<cells::Plan> {
+fn grid(scene: &SceneTables, sample: &Sample, question: &Question) -> Option<cells::GridPlan> {
     let mut bounds = vec![Bounds::EMPTY; 2 * scene.shapes.len()];
     for (position, face) in sample.positions.iter().zip(&sample.faces) {
         bounds[*face as usize].add(position.position);
