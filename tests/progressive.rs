@@ -1,24 +1,15 @@
 //! Progressive passes and final gathering: backends against each other, pictures against references, sums resumed.
 
-mod common;
-
 use std::io::{BufRead as _, BufReader, Read as _};
 use std::process::{Command, Stdio};
-use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use common::{backends, golden, scene_path, shipped};
 use photile::film::metrics::Within;
 use photile::film::{Accumulator, Image};
 use photile::pipeline::Pipeline;
 use photile::pipeline::progressive::{Progressive, bound_90};
 use photile::settings::{Amount, FinalGather, Settings, Technique};
 
-/// PoCL and llvmpipe do not bear two threads of one process.
-static DRIVERS: Mutex<()> = Mutex::new(());
-
-fn drivers() -> MutexGuard<'static, ()> {
-    DRIVERS.lock().unwrap_or_else(PoisonError::into_inner)
-}
+use crate::common::{backends, golden, one_at_a_time, scene_path, shipped};
 
 fn settings(width: u32, height: u32, technique: Technique) -> Settings {
     let mut settings = Settings { width, height, technique, ..Settings::default() };
@@ -56,7 +47,7 @@ fn rel_mse(image: &Image, reference: &Image) -> f64 {
 
 #[test]
 fn backends_gather_alike() {
-    let _drivers = drivers();
+    one_at_a_time();
     // Rays that graze an edge may go either way where compilers round differently: a few pixels, not the picture.
     let tolerance = Within { abs: 1e-4, rel: 1e-4 };
     let mut pipelines = backends();
@@ -79,8 +70,8 @@ fn backends_gather_alike() {
 
 #[test]
 fn final_gathering_converges_to_the_references() {
-    let _drivers = drivers();
-    let Some(mut pipeline) = common::open(photile::settings::Backend::OpenCl) else { return };
+    one_at_a_time();
+    let Some(mut pipeline) = crate::common::open(photile::settings::Backend::OpenCl) else { return };
     for name in ["gi_ref", "gi_two_lights", "sphere_and_plane", "color_bleeding"] {
         let reference = half_golden(name);
         let mut progressive = render(&mut pipeline, name, &settings(160, 120, final_gather(32, 4)), 64);
@@ -113,8 +104,8 @@ fn final_gathering_converges_to_the_references() {
 /// Lit points share the light with rays: they take noise away, and nothing else.
 #[test]
 fn lit_points_leave_the_mean_and_lessen_the_noise() {
-    let _drivers = drivers();
-    let Some(mut pipeline) = common::open(photile::settings::Backend::OpenCl) else { return };
+    one_at_a_time();
+    let Some(mut pipeline) = crate::common::open(photile::settings::Backend::OpenCl) else { return };
     // The lamp of gi_ref hangs 0.8 m below the ceiling, those of the others 2.5 m and more from anything.
     for (name, most) in [("gi_ref", 0.8), ("gi_two_lights", 1.0), ("color_bleeding", 1.0)] {
         let mut render_with = |points, passes| {
@@ -139,8 +130,8 @@ fn lit_points_leave_the_mean_and_lessen_the_noise() {
 
 #[test]
 fn both_techniques_have_the_same_mean() {
-    let _drivers = drivers();
-    let Some(mut pipeline) = common::open(photile::settings::Backend::OpenCl) else { return };
+    one_at_a_time();
+    let Some(mut pipeline) = crate::common::open(photile::settings::Backend::OpenCl) else { return };
     let map = settings(80, 60, Technique::Map);
     let gathered = render(&mut pipeline, "gi_ref", &settings(80, 60, final_gather(32, 2)), 32).image().unwrap();
     let map_of = |pipeline: &mut Pipeline, passes| render(pipeline, "gi_ref", &map, passes).image().unwrap();
@@ -154,10 +145,10 @@ fn both_techniques_have_the_same_mean() {
 
 #[test]
 fn a_resumed_render_has_the_bytes_of_one_that_went_through() {
-    let _drivers = drivers();
+    one_at_a_time();
     let folder = tempfile::tempdir().unwrap();
     for (technique, backend) in [("map", "cpu"), ("final-gather", "cpu"), ("final-gather", "opencl")] {
-        if backend == "opencl" && common::open(photile::settings::Backend::OpenCl).is_none() {
+        if backend == "opencl" && crate::common::open(photile::settings::Backend::OpenCl).is_none() {
             continue;
         }
         let photile = |output: &str, passes: &str, further: &[&str]| {
@@ -252,7 +243,7 @@ fn an_interrupted_render_is_saved_and_goes_on() {
 #[test]
 fn sums_may_be_grouped_as_one_likes() {
     // Passes depend on their index alone: the mean of 16 is that of the first 8 and the next 8, within rounding.
-    let Some(mut pipeline) = common::open(photile::settings::Backend::Cpu) else { return };
+    let Some(mut pipeline) = crate::common::open(photile::settings::Backend::Cpu) else { return };
     let scene = shipped("gi_ref");
     let settings = settings(32, 24, final_gather(4, 4));
     let mut progressive = Progressive::new(&scene, &settings).unwrap();

@@ -1,46 +1,32 @@
 // What is left of a density kernel's integral where planes cut the disc around a point, and spheres cover it.
 
 #ifdef HAS_CLIP
-// The line in which a plane cuts the tangent plane around a query point: points p (from the query point, in radii) with
-// dot(across, p) = beyond.
-STRUCT(Cut)
-struct Cut {
-    Vec3 across; // the part in the tangent plane of the plane's normal, from the query point towards it
-    Real sine2;  // its squared length: the line is beyond/√sine2 away
-    Real beyond; // more than 0, so that arctan2 has an angle on the very line
-};
-
-// Plane i as seen from a point of another surface.
-INLINE Cut cut_of(SCENE_PARAMS int i, Surface surface, Real inverse_radius) {
+// Cut c of all that the kinds have.
+INLINE Cut cut_of(SCENE_PARAMS int c, Surface surface, Real inverse_radius) {
     Cut cut;
-    Vec3 normal = shape_anchor_same(i);
-    Real offset = shape_extent_same(i) - dot3(normal, surface.position);
-    Vec3 across = sub3(normal, scale3(surface.normal, dot3(normal, surface.normal)));
-    cut.across = scale3(across, copysign(lanes(1.0f), offset));
-    cut.sine2 = dot3(across, across);
-    cut.beyond = fabs(offset) * inverse_radius;
-#ifdef HAS_SPHERES
-    if (any_lane(IS_SPHERE(surface.shape))) {
-        Bool on_sphere = IS_SPHERE(surface.shape);
-        Real chordal = sphere_cut(SCENE pick_i(on_sphere, surface.shape, 0), surface.position, normal, offset, inverse_radius);
-        cut.beyond = pick(on_sphere, chordal * sqrt(cut.sine2), cut.beyond);
+    cut.across = surface.normal;
+    cut.sine2 = lanes(1.0f);
+    cut.beyond = lanes(INFINITE);
+#each shape
+#if defined(HAS_KINDS) && KIND_CUTS > 0
+    if (c >= FIRST_CUT_OF_KIND && c < END_CUT_OF_KIND) {
+        int number = c - FIRST_CUT_OF_KIND;
+        cut = kind_cut(SCENE FIRST_KIND + number / KIND_CUTS, number % KIND_CUTS, surface, inverse_radius);
     }
 #endif
-    // The surface's own plane cuts nothing, nor does one along it, whose line is nowhere. (Around a sphere's pole it cuts a
-    // circle, which no line resembles.)
-    cut.beyond = pick(surface.shape == i || cut.sine2 < 1e-12f, INFINITE, max(cut.beyond, lanes(1e-12f)));
+#end each
     return cut;
 }
 
 Bool crosses_disc(Cut cut) { return cut.beyond * cut.beyond < cut.sine2; }
 
-// The first plane after shape i whose line crosses the disc of any lane; the planes' end where there is none.
+// The first cut after i whose line crosses the disc of any lane; the end where there is none.
 INLINE int next_cut(SCENE_PARAMS int i, Surface surface, Real inverse_radius) {
-    int end = END_PLANE;
+    int end = CUT_COUNT;
     int next = end;
     // To the end, wherever it is found: a loop that lanes leave at different rounds may not be asked for more than a sum
     // (gather.glsl).
-    for (int j = end - 1; j >= FIRST_PLANE; j--) {
+    for (int j = end - 1; j >= 0; j--) {
         Cut cut = cut_of(SCENE j, surface, inverse_radius);
         if (j > i && any_lane(crosses_disc(cut))) next = j;
     }
@@ -52,8 +38,8 @@ INLINE int next_cut(SCENE_PARAMS int i, Surface surface, Real inverse_radius) {
 // own. Exact on a plane, for any number of planes; on a sphere the circles are taken as chords.
 Real visible_part(SCENE_PARAMS Surface surface, Real inverse_radius) {
     Real lost = lanes(0.0f);
-    int first = FIRST_PLANE;
-    int end = END_PLANE;
+    int first = 0;
+    int end = CUT_COUNT;
     int i = next_cut(SCENE first - 1, surface, inverse_radius);
     if (i < end) do {
         Cut cut = cut_of(SCENE i, surface, inverse_radius);

@@ -62,10 +62,14 @@ Gathered add_gathered(Gathered sum, Gathered part) {
 }
 
 #ifdef HAS_BOTH_SIDES
-// Whether a plane lies between the point and a photon: that photon lights another room's part of the surface.
+// Whether a wall lies between the point and a photon: that photon lights another room's part of the surface.
 Bool walled_off(SCENE_PARAMS Vec3 point, Vec3 photon) {
     Bool off = NO_LANE;
-    for (int i = FIRST_PLANE; i < END_PLANE; i++) off = off || plane_parts(SCENE i, point, photon);
+#each shape
+#if defined(HAS_KINDS) && defined(KIND_PARTS)
+    for (int i = FIRST_KIND; i < END_KIND; i++) off = off || kind_parts(SCENE i, point, photon);
+#endif
+#end each
     return off;
 }
 #endif

@@ -71,3 +71,14 @@ Real size_of(Vec3 p) { return fabs(p.x) + fabs(p.y) + fabs(p.z); }
 
 #define MARGIN 1e-6f // of a point's size, eight ulps: so far from all other surfaces that its side is known
 #define UNSURE 6e-7f // nearer than this it is moved; computing a side is wrong by 2.5e-7 at most
+
+#ifdef HAS_CLIP
+// The line in which a plane cuts the tangent plane around a query point: points p (from the query point, in radii) with
+// dot(across, p) = beyond.
+STRUCT(Cut)
+struct Cut {
+    Vec3 across; // the part in the tangent plane of the plane's normal, from the query point towards it
+    Real sine2;  // its squared length: the line is beyond/√sine2 away
+    Real beyond; // more than 0, so that arctan2 has an angle on the very line
+};
+#endif

@@ -6,6 +6,7 @@ use glam::Vec3;
 
 use crate::program::gathering::{DensityKernel, Gathering};
 use crate::rays::scene::{SceneTables, Surface};
+use crate::rays::shapes::{self, Cut, SurfaceOf};
 
 /// K(0) for R = 1.
 pub fn kernel_peak(kernel: DensityKernel) -> f32 {
@@ -50,50 +51,6 @@ pub fn beyond_chord(kernel: DensityKernel, h: f32, low: f32, high: f32) -> f32 {
     angle - h * (secants_to(kernel, h, high) - secants_to(kernel, h, low))
 }
 
-/// The line in which a plane cuts the tangent plane around a query point: points p (from the query point, in radii) with
-/// across · p = beyond.
-#[derive(Clone, Copy, Debug)]
-pub struct Cut {
-    /// The part in the tangent plane of the plane's normal, from the query point towards it.
-    pub across: Vec3,
-    /// Its length: the line is beyond/sine away.
-    pub sine: f32,
-    /// More than 0.
-    pub beyond: f32,
-}
-
-/// Shape `i`, a plane, as seen from a point of another surface.
-pub fn cut_of(scene: &SceneTables, i: usize, surface: &Surface, inverse_radius: f32) -> Cut {
-    let normal = Vec3::from(scene.shapes[i].anchor);
-    let offset = scene.shapes[i].extent - normal.dot(surface.position);
-    let across = normal - surface.normal * normal.dot(surface.normal);
-    let sine = across.length();
-    let mut beyond = offset.abs() * inverse_radius;
-    if surface.shape < scene.sphere_count {
-        // Lambert's equal-area map: chordal distance to the circle that the plane cuts out of the sphere.
-        let sphere = &scene.shapes[surface.shape];
-        let outward = (surface.position - Vec3::from(sphere.anchor)) * (1.0 / sphere.extent);
-        let point_cosine = normal.dot(outward);
-        let circle_cosine = offset / sphere.extent + point_cosine;
-        let point_sine = (1.0 - point_cosine * point_cosine).max(0.0).sqrt();
-        let circle_sine = (1.0 - circle_cosine * circle_cosine).max(0.0).sqrt();
-        let (dc, ds) = (point_cosine - circle_cosine, point_sine - circle_sine);
-        beyond = (dc * dc + ds * ds).sqrt() * sphere.extent * inverse_radius * sine;
-        // A circle of less than R/20 takes 1/400 of the disc at most; a sphere that just touches the plane has one or
-        // none by the last bit.
-        let resembles_a_chord = circle_sine * sphere.extent * inverse_radius > 0.05;
-        if !resembles_a_chord {
-            beyond = f32::INFINITY;
-        }
-    }
-    // The surface's own plane cuts nothing, nor does one along it, whose line is nowhere. (Around a sphere's pole it cuts a
-    // circle, which no line resembles.)
-    if surface.shape == i || sine < 1e-6 {
-        beyond = f32::INFINITY;
-    }
-    Cut { across: across * 1f32.copysign(offset), sine, beyond: beyond.max(1e-12) }
-}
-
 /// 2π times the kernel's integral over the part of the disc that cut `i` hides: `cuts` are all that cross the disc, and
 /// `normal` is the tangent plane's.
 pub fn lost_beyond(kernel: DensityKernel, cuts: &[Cut], i: usize, normal: Vec3) -> f32 {
@@ -125,9 +82,17 @@ pub fn lost_beyond(kernel: DensityKernel, cuts: &[Cut], i: usize, normal: Vec3) 
 /// The kernel's integral over the part of the disc on the query point's side of every plane.
 pub fn visible_part(scene: &SceneTables, gathering: &Gathering, surface: &Surface, inverse_radius: f32) -> f32 {
     let kernel = gathering.density_kernel;
-    let planes = scene.sphere_count..scene.shapes.len();
-    let cuts = planes.map(|i| cut_of(scene, i, surface, inverse_radius)).filter(|cut| cut.beyond < cut.sine);
-    let cuts: Vec<Cut> = cuts.collect();
+    let on = SurfaceOf {
+        shape: &scene.shapes[surface.shape],
+        is_own: false,
+        position: surface.position,
+        normal: surface.normal,
+    };
+    let cuts = scene.shapes.iter().enumerate().flat_map(|(number, shape)| {
+        let on = SurfaceOf { is_own: number == surface.shape, ..on };
+        (0..shapes::cuts(shape)).map(move |cut| shapes::cut(shape, cut, &on, inverse_radius))
+    });
+    let cuts: Vec<Cut> = cuts.filter(|cut| cut.beyond < cut.sine).collect();
     let lost: f32 = (0..cuts.len()).map(|i| lost_beyond(kernel, &cuts, i, surface.normal)).sum();
     let mut part = 1.0 - lost / TAU;
     for i in (0..scene.sphere_count).filter(|_| gathering.footprints) {

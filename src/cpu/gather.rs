@@ -14,7 +14,7 @@ use crate::plan::tiling;
 use crate::program::gathering::{Gathering, Method};
 use crate::rays::bsdf::ggx;
 use crate::rays::scene::{SceneTables, Surface};
-use crate::rays::shapes::plane;
+use crate::rays::shapes;
 use crate::records::{Gather, Region};
 
 /// A photon map as a picture sees it.
@@ -169,9 +169,9 @@ pub fn near(map: &PhotonMap, face: usize, point: Vec3, tile: usize) -> Vec<Near>
     found
 }
 
-/// Whether a plane lies between the point and a photon.
+/// Whether a wall lies between the point and a photon.
 pub fn walled_off(scene: &SceneTables, point: Vec3, photon: Vec3) -> bool {
-    scene.shapes[scene.sphere_count..].iter().any(|shape| plane::parts(shape, point, photon))
+    scene.shapes.iter().any(|shape| shapes::parts(shape, point, photon))
 }
 
 /// Photons that are summed at a time.

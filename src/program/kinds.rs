@@ -16,7 +16,7 @@ pub fn expand(line: &str, kind: &KindName) -> String {
 /// with no more comparisons than the kinds that a program has ask for; `SPHERE_COMES_FIRST` for the first of these.
 pub fn ranges() -> String {
     let mut text = String::new();
-    let mut end = "0".to_string();
+    let (mut end, mut end_of_cuts) = ("0".to_string(), "0".to_string());
     for (number, kind) in SHAPE_KINDS.iter().enumerate() {
         let name = kind.singular.to_uppercase();
         let has = |others: &[KindName]| {
@@ -40,9 +40,17 @@ pub fn ranges() -> String {
             is_last = is_last.replace("{name}", &name),
         )
         .expect("writing to a string");
-        end = format!("END_{name}");
+        write!(
+            text,
+            "#define FIRST_CUT_OF_{name} {end_of_cuts}\n\
+             #define END_CUT_OF_{name} (FIRST_CUT_OF_{name} + {name}_CUTS * {name}_COUNT)\n\
+             #ifndef HAS_{plural}\n#define {name}_CUTS 0\n#endif\n",
+            plural = kind.plural.to_uppercase(),
+        )
+        .expect("writing to a string");
+        (end, end_of_cuts) = (format!("END_{name}"), format!("END_CUT_OF_{name}"));
     }
-    writeln!(text, "#define SHAPE_COUNT {end}").expect("writing to a string");
+    writeln!(text, "#define SHAPE_COUNT {end}\n#define CUT_COUNT {end_of_cuts}").expect("writing to a string");
     text
 }
 

@@ -19,6 +19,7 @@ const FILES: &[(&str, &str)] = &[
     ("shared/camera.glsl", include_str!("../../glsl/shared/camera.glsl")),
     ("shared/surface.glsl", include_str!("../../glsl/shared/surface.glsl")),
     ("shared/shapes/sphere.glsl", include_str!("../../glsl/shared/shapes/sphere.glsl")),
+    ("shared/shapes/flat.glsl", include_str!("../../glsl/shared/shapes/flat.glsl")),
     ("shared/shapes/plane.glsl", include_str!("../../glsl/shared/shapes/plane.glsl")),
     ("shared/scene.glsl", include_str!("../../glsl/shared/scene.glsl")),
     ("shared/bsdf.glsl", include_str!("../../glsl/shared/bsdf.glsl")),

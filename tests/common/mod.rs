@@ -1,6 +1,7 @@
 //! What integration tests share: every backend that is there, scenes from text, and a camera of their own.
 
-#![allow(dead_code)] // each test target uses its part
+use std::cell::RefCell;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use glam::DVec3;
 use photile::film::Image;
@@ -11,6 +12,20 @@ use photile::settings::{Backend, LightMode, Settings};
 /// The report's scenes, of which there are references.
 pub const REPORT: [&str; 4] = ["gi_ref", "gi_two_lights", "sphere_and_plane", "color_bleeding"];
 
+/// Until this test ends, no other of this process has the drivers, nor what a process has once: the pace of its submissions. PoCL
+/// and llvmpipe share one LLVM and crash now and then when several threads compile at once. To be called before anything
+/// of a driver is opened, by the test's own thread, any number of times.
+pub fn one_at_a_time() {
+    static ALONE: Mutex<()> = Mutex::new(());
+    thread_local! {
+        /// Every test has a thread of its own, which drops this behind whatever the test itself holds.
+        static HELD: RefCell<Option<MutexGuard<'static, ()>>> = const { RefCell::new(None) };
+    }
+    HELD.with_borrow_mut(|held| {
+        held.get_or_insert_with(|| ALONE.lock().unwrap_or_else(PoisonError::into_inner));
+    });
+}
+
 /// Every backend that is there, OpenGL and OpenCL first. With PHOTILE_REQUIRE_DRIVERS=1 a missing driver fails the
 /// test; else it is said on stderr, and the test goes on with the rest.
 pub fn backends() -> Vec<Pipeline> {
@@ -19,6 +34,7 @@ pub fn backends() -> Vec<Pipeline> {
 
 /// One backend, if it is there; see [`backends`].
 pub fn open(backend: Backend) -> Option<Pipeline> {
+    one_at_a_time();
     let machine = Machine { backend: Some(backend), threads: 2, ..Machine::default() };
     match Pipeline::open(&machine, |line| eprintln!("{line}")) {
         Ok(pipeline) => {

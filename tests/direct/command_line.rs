@@ -6,7 +6,7 @@ use std::process::{Command, Output};
 use photile::film::Image;
 use serde_json::Value;
 
-use crate::common::{missing, scene_path};
+use crate::common::{missing, one_at_a_time, scene_path};
 
 /// What hides OpenCL from the ICD loader and OpenGL from libglvnd.
 pub const HIDDEN: [(&str, &str); 2] =
@@ -221,6 +221,7 @@ fn a_folder_that_cannot_be_written_to_is_refused_at_once() {
 
 #[test]
 fn an_unknown_device_is_refused_with_those_that_are_there() {
+    one_at_a_time();
     if let Err(error) = photile::device::cl::devices(None) {
         return missing("OpenCL", &error);
     }

@@ -13,13 +13,15 @@ use photile::settings::{LightMode, Settings};
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 
-use crate::common::{direct, missing};
+use crate::common::{direct, missing, one_at_a_time};
 
 fn opengl() -> Option<Headless> {
+    one_at_a_time();
     Headless::new().map_err(|error| missing("OpenGL", &error)).ok()
 }
 
 fn opencl() -> Option<cl::Context> {
+    one_at_a_time();
     let device = cl::devices(None).and_then(|mut devices| cl::Context::new(devices.remove(0)));
     device.map_err(|error| missing("OpenCL", &error)).ok()
 }

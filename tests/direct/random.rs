@@ -6,7 +6,7 @@ use photile::program::source::{Options, assemble_text};
 use photile::rays::camera::{jitter_x, jitter_y};
 use photile::rays::random::{hash_u, hash2_u, owen_scramble, sobol_second, unit_real};
 
-use crate::common::missing;
+use crate::common::{missing, one_at_a_time};
 
 /// How many indices; all work-items, lanes and both halves of the words see some.
 const COUNT: u32 = 16_384;
@@ -64,6 +64,7 @@ fn wrong(found: impl Fn(usize) -> [u32; 8]) -> usize {
 
 #[test]
 fn opencl_draws_the_twins_numbers() {
+    one_at_a_time();
     let device = cl::devices(None).and_then(|mut devices| cl::Context::new(devices.remove(0)));
     let Ok(context) = device.map_err(|error| missing("OpenCL", &error)) else { return };
     for lanes in [1, context.device.lanes] {
@@ -79,6 +80,7 @@ fn opencl_draws_the_twins_numbers() {
 
 #[test]
 fn opengl_draws_the_twins_numbers() {
+    one_at_a_time();
     let Ok(context) = Headless::new().map_err(|error| missing("OpenGL", &error)) else { return };
     let source = assemble_text("draw.frag", &fragment(), &Options::default());
     let program = Program::new(&context.gl, &source).unwrap_or_else(|error| panic!("{error}"));

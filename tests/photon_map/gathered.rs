@@ -475,7 +475,7 @@ fn pixel_buffers_fill_textures_as_host_memory_does() {
             let gathering = Gathering { method, clip: true, ..Gathering::default() };
             let [host, pixels] = [false, true].map(|is_gpu| {
                 // Devices that are not the CPU take the other way.
-                context.context.device.is_gpu = is_gpu;
+                context.device.is_gpu = is_gpu;
                 on_gl(&context, &headless, &mut stage, &map, &GridSettings::radius(0.8), gathering)
             });
             assert!(host == pixels, "{count} photons, {method:?}");

@@ -7,11 +7,12 @@ use photile::settings::{Amount, Backend, Gather, Method, Settings};
 
 use super::tiles::scene;
 use super::{device, room, room_photons, upload};
+use crate::common::one_at_a_time;
 use photile::stage::grid::{GridSettings, GridStage};
 
 #[test]
 fn a_map_takes_what_was_said_whatever_the_scenes_extent() {
-    drop(device()); // one test at a time
+    one_at_a_time();
     let machine = Machine { backend: Some(Backend::OpenCl), ..Machine::default() };
     // A closed room; an open plane, hashed; glossy surfaces, which keep directions.
     for (name, stored, radius) in
@@ -55,7 +56,7 @@ fn the_account_is_that_of_the_buffers() {
 
 /// OpenGL with the photons of OpenCL; none where it is missing. One test at a time has the device.
 fn opengl() -> Option<Pipeline> {
-    drop(device());
+    one_at_a_time();
     let machine = Machine { backend: Some(Backend::OpenGl), ..Machine::default() };
     let pipeline = Pipeline::open(&machine, |_| {});
     pipeline.inspect_err(|_| eprintln!("SKIPPED: OpenGL is missing")).ok()

@@ -9,6 +9,7 @@ use photile::settings::{DensityKernel, Method};
 
 use super::device;
 use super::gathered::features;
+use crate::common::one_at_a_time;
 
 /// A permutation's choices as small numbers.
 fn choices(gathering: &Gathering) -> [usize; 6] {
@@ -39,7 +40,7 @@ fn covering(all: &[Gathering]) -> Vec<Gathering> {
 
 #[test]
 fn every_gathering_compiles_in_opengl() {
-    let _alone = device();
+    one_at_a_time();
     let Ok(headless) = Headless::new() else {
         eprintln!("SKIPPED: OpenGL is missing");
         return;

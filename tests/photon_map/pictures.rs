@@ -9,14 +9,10 @@ use photile::pipeline::{Machine, Pipeline};
 use photile::scene::{Scene, load, parse};
 use photile::settings::{Amount, Backend, Gather, GridForm, LightMode, Method, Photons, Settings};
 
-use super::{Device, device};
+use crate::common::one_at_a_time;
 
 fn scene(name: &str) -> Scene {
     load(format!("{}/scenes/{name}.toml", env!("CARGO_MANIFEST_DIR")).as_ref()).unwrap()
-}
-
-fn opencl() -> (Device, Pipeline) {
-    (device(), open(Backend::OpenCl))
 }
 
 fn open(backend: Backend) -> Pipeline {
@@ -34,7 +30,8 @@ const BOUNDS: [(&str, f64); 4] =
 
 #[test]
 fn the_reports_scenes_are_the_independent_tracers() {
-    let (_alone, mut pipeline) = opencl();
+    one_at_a_time();
+    let mut pipeline = open(Backend::OpenCl);
     for (name, bound) in BOUNDS {
         let path = format!("{}/tests/golden/{name}.exr", env!("CARGO_MANIFEST_DIR"));
         let reference = Image::load(path.as_ref()).unwrap();
@@ -74,7 +71,8 @@ fn mean(image: &Image) -> f64 {
 
 #[test]
 fn both_light_modes_converge_to_the_same_picture() {
-    let (_alone, mut pipeline) = opencl();
+    one_at_a_time();
+    let mut pipeline = open(Backend::OpenCl);
     let scene = scene("gi_two_lights");
     let hybrid = passes(&mut pipeline, &scene, LightMode::Hybrid, 200_000, 0.25, 4);
     let [coarse, fine] = [(50_000, 0.4, 1), (200_000, 0.15, 8)]
@@ -102,7 +100,8 @@ fn both_light_modes_converge_to_the_same_picture() {
 
 #[test]
 fn the_grids_form_is_chosen_or_asked_for() {
-    let (_alone, mut pipeline) = opencl();
+    one_at_a_time();
+    let mut pipeline = open(Backend::OpenCl);
     let mut render = |name: &str, method: Method, form: GridForm| {
         let mut settings = Settings { width: 64, height: 48, ..Settings::default() };
         settings.photons.amount = Amount::Paths(20_000);
@@ -125,7 +124,7 @@ fn the_grids_form_is_chosen_or_asked_for() {
 
 #[test]
 fn the_inside_of_a_sphere_lit_from_its_centre_is_one_brightness() {
-    let _alone = device();
+    one_at_a_time();
     let (albedo, radius, intensity) = (0.5, 2.0, 3.0);
     let scene = parse(
         &format!(
@@ -162,7 +161,7 @@ fn the_inside_of_a_sphere_lit_from_its_centre_is_one_brightness() {
 #[test]
 fn fragments_gather_in_corners_what_opencl_does() {
     // Where pixels beside each other see discs that different walls cut, a software rasteriser's lanes part ways.
-    let _alone = device();
+    one_at_a_time();
     let mut settings = Settings { width: 160, height: 120, ..Settings::default() };
     settings.photons.amount = Amount::Paths(50_000);
     settings.gather.method = Method::Grid;

@@ -7,7 +7,7 @@ use photile::records::TEXEL;
 use photile::stage::grid::{GridSettings, GridStage};
 use photile::stage::photon_map::first;
 
-use super::{Device, Map, Random, device, like_a_gpu, room, room_photons, upload};
+use super::{Map, Random, device, like_a_gpu, room, room_photons, upload};
 
 /// What the device made, without the order, which it keeps to itself.
 fn built(context: &Context, stage: &mut GridStage, map: &Map, wanted: &GridSettings) -> GridTables {
@@ -60,7 +60,7 @@ fn work_groups_build_the_twins_tables() {
     build_the_same_tables(&like_a_gpu());
 }
 
-fn build_the_same_tables(context: &Device) {
+fn build_the_same_tables(context: &Context) {
     let mut stage = GridStage::new(context).unwrap();
     // One stage for all: buffers that once held more must not shine through.
     for count in [100_000, 20_000, 1000, 17, 2, 1, 0] {
@@ -81,7 +81,7 @@ fn work_groups_build_hard_maps_alike() {
     build_hard_maps_alike(&like_a_gpu());
 }
 
-fn build_hard_maps_alike(context: &Device) {
+fn build_hard_maps_alike(context: &Context) {
     let mut stage = GridStage::new(context).unwrap();
     let mut random = Random::new(5);
     let mut heap = room_photons(1000, 6);

@@ -1,4 +1,4 @@
-//! Grid against tiles, on request: `cargo test --release --test photon_map tile_timings -- --ignored --nocapture`.
+//! Grid against tiles, on request: `cargo test --release --test all photon_map::tile_timings -- --ignored --nocapture`.
 
 use glam::Vec3;
 use photile::cpu::gather::{PhotonMap, for_each_candidate, for_each_listed, near};
@@ -15,8 +15,8 @@ use photile::rays::scene::SceneTables;
 use photile::records::packing::Packed;
 use photile::settings::{Amount, Backend, Gather, Photons, Sampler, Settings};
 
-use super::device;
 use super::tiles::scene;
+use crate::common::one_at_a_time;
 
 const TILES: [[u32; 2]; 3] = [[80, 80], [32, 32], [16, 16]];
 
@@ -34,7 +34,7 @@ fn settings(method: Method, tile: [u32; 2], stored: u32, radius: Option<f32>, si
 #[test]
 #[ignore = "measures, asserts nothing"]
 fn tile_timings() {
-    let _alone = device();
+    one_at_a_time();
     for (backend, size) in [(Backend::OpenCl, [640, 480]), (Backend::OpenGl, [160, 120])] {
         let machine = Machine { backend: Some(backend), ..Machine::default() };
         let mut pipeline = Pipeline::open(&machine, |_| {}).unwrap();

@@ -10,8 +10,8 @@ use photile::scene::{Plane, Scene};
 use photile::settings::{Amount, Backend, Gather, Method, Photons, Settings};
 use photile::stage::map::MapView;
 
-use super::device;
 use super::tiles::{SAME, apart, scene, settings};
+use crate::common::one_at_a_time;
 
 /// 48 × 36 pixels, 3000 photons.
 fn small(method: Method, tile: [u32; 2], radius: Option<f32>) -> Settings {
@@ -58,7 +58,7 @@ fn around_the_camera(pipeline: &Pipeline, scene: &Scene) -> usize {
 
 /// Brute force, tiles and tiled grids, view by view; and that another map is another picture in each of them.
 fn equal_brute_force(scene: &Scene) {
-    let _alone = device();
+    one_at_a_time();
     for backend in Backend::ALL {
         let mut pipeline = open(backend, None);
         for (name, view, radius) in views(scene) {
@@ -110,7 +110,7 @@ fn a_scene_that_planes_divide_by_tiles_is_that_by_brute_force() {
 
 #[test]
 fn one_photon_more_is_another_picture_on_every_backend() {
-    let _alone = device();
+    one_at_a_time();
     let scene = scene("gi_ref");
     for backend in Backend::ALL {
         let mut pipeline = open(backend, None);
@@ -130,7 +130,7 @@ fn one_photon_more_is_another_picture_on_every_backend() {
 
 #[test]
 fn a_tile_larger_than_the_image_is_as_large_as_it_is_and_takes_no_more_memory() {
-    let _alone = device();
+    one_at_a_time();
     let scene = scene("gi_ref");
     // As GPUs and as CPUs take the strips of tiles.
     for lanes in [Some(1), None] {
@@ -154,7 +154,7 @@ fn a_tile_larger_than_the_image_is_as_large_as_it_is_and_takes_no_more_memory() 
 
 #[test]
 fn a_moved_camera_uploads_nothing_where_a_grid_is_gathered() {
-    let _alone = device();
+    one_at_a_time();
     for backend in Backend::ALL {
         let mut pipeline = open(backend, None);
         let mut scene = scene("gi_ref");

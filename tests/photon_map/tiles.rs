@@ -4,6 +4,7 @@ use glam::Vec3;
 use photile::cpu::gather::{PhotonMap, near};
 use photile::cpu::grid::{GridTables, face_of};
 use photile::cpu::tiles::{find_region, slopes, tile_at, tiles, tiles_seen};
+use photile::device::cl::Context;
 use photile::device::gl::{Current, Headless};
 use photile::film::Image;
 use photile::pipeline::change::Stage;
@@ -20,9 +21,8 @@ use photile::scene::{Scene, load};
 use photile::settings::{Amount, Backend, Gather, Settings};
 use photile::stage::tiles::TileStage;
 
-use super::{
-    Device, Map, ROOM_SPHERES, Random, device, like_a_gpu, packed_of, room, room_material, room_photons, upload,
-};
+use super::{Map, ROOM_SPHERES, Random, device, like_a_gpu, packed_of, room, room_material, room_photons, upload};
+use crate::common::one_at_a_time;
 
 pub const FEATURES: Features = Features {
     spheres: true,
@@ -173,7 +173,7 @@ fn work_groups_make_the_twins_lists() {
     make_the_same_lists(&like_a_gpu());
 }
 
-fn make_the_same_lists(context: &Device) {
+fn make_the_same_lists(context: &Context) {
     let mut stage = TileStage::new(context).unwrap();
     let packed = packed();
     let mut random = Random::new(25);
@@ -253,7 +253,7 @@ fn a_photon_more_is_another_picture() {
 #[test]
 fn groups_of_work_items_gather_what_single_ones_do() {
     // One lane, as on GPUs: their groups gather together, wherever that runs.
-    let _alone = device();
+    one_at_a_time();
     let machine = Machine { backend: Some(Backend::OpenCl), lanes: Some(1), ..Machine::default() };
     let mut pipeline = Pipeline::open(&machine, |_| {}).expect("OpenCL works where tests run");
     for (name, samples) in [("gi_ref", 1), ("sphere_and_plane", 2), ("glossy", 1)] {
@@ -277,7 +277,7 @@ fn groups_of_work_items_gather_what_single_ones_do() {
 
 #[test]
 fn pictures_equal_the_grids_on_every_backend() {
-    let _alone = device();
+    one_at_a_time();
     for backend in Backend::ALL {
         let machine = Machine { backend: Some(backend), ..Machine::default() };
         let mut pipeline = Pipeline::open(&machine, |_| {}).expect("every backend works where tests run");
@@ -302,7 +302,7 @@ fn pictures_equal_the_grids_on_every_backend() {
 
 #[test]
 fn a_moved_camera_rebuilds_tiles_only() {
-    let _alone = device();
+    one_at_a_time();
     for (backend, method) in
         Backend::ALL.into_iter().flat_map(|backend| [Method::Tiles, Method::TiledGrid].map(|method| (backend, method)))
     {
@@ -352,7 +352,7 @@ fn the_choice_goes_with_the_map() {
 
 #[test]
 fn a_windows_context_costs_what_its_renderer_does() {
-    let _alone = device();
+    one_at_a_time();
     let headless = Headless::new().expect("an OpenGL driver");
     for (is_software, class) in [(true, Class::OpenGlSoftware), (false, Class::OpenGlGpu)] {
         let current = Current { is_software, ..headless.current() };

@@ -1,4 +1,4 @@
-//! Timings, on request: `cargo test --release --test photon_map timings -- --ignored --nocapture`.
+//! Timings, on request: `cargo test --release --test all photon_map::timings -- --ignored --nocapture`.
 
 use std::time::Instant;
 

@@ -1,7 +1,6 @@
 //! The device against its twin, and against itself.
 
 use std::rc::Rc;
-use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use photile::cpu::grid::{PhotonSurface, face_of};
 use photile::cpu::photons::PhotonTables;
@@ -14,14 +13,9 @@ use photile::stage::photon_map::{PhotonMap, first};
 use photile::stage::photons::Photons;
 use photile::stage::scan::Scan;
 
-use crate::open_scene::barren;
-use crate::{Case, grey_box, paths};
-
-/// PoCL 3.1 crashes now and then when several threads build programs at once: one test at a time has the device.
-fn alone() -> MutexGuard<'static, ()> {
-    static DEVICE: Mutex<()> = Mutex::new(());
-    DEVICE.lock().unwrap_or_else(PoisonError::into_inner)
-}
+use super::open_scene::barren;
+use super::{Case, grey_box, paths};
+use crate::common::one_at_a_time;
 
 /// The first device, with its own number of lanes or another.
 fn context(lanes: Option<u32>) -> Rc<Context> {
@@ -92,7 +86,7 @@ fn difference(a: &PhotonTables, b: &PhotonTables) -> f64 {
 
 #[test]
 fn scan_equals_its_twin() {
-    let _alone = alone();
+    one_at_a_time();
     let context = context(None);
     let scan = Scan::new(&context).unwrap();
     for length in [0usize, 1, 2, 15, 16, 17, 2047, 2048, 2049, 4096, 4097, 1_000_003] {
@@ -107,7 +101,7 @@ fn scan_equals_its_twin() {
 
 #[test]
 fn the_device_walks_as_its_twin_does() {
-    let _alone = alone();
+    one_at_a_time();
     // Of one lane: as on a GPU.
     let contexts = [context(None), context(Some(1))];
     for (name, store_direct, sampler) in [
@@ -131,7 +125,7 @@ fn the_device_walks_as_its_twin_does() {
 
 #[test]
 fn the_device_walks_as_its_twin_does_where_directions_are_weighed() {
-    let _alone = alone();
+    one_at_a_time();
     let even = Case::shipped("sphere_and_plane");
     let weighed = Case { plan: EmissionPlan::indirect(&even.packed).unwrap(), ..Case::shipped("sphere_and_plane") };
     let parts = |entry: &u32| entry >> CELL_BITS & ((1 << PART_BITS) - 1);
@@ -165,7 +159,7 @@ fn the_comparison_sees_another_seed() {
 
 #[test]
 fn any_number_of_lanes_walks_the_same_paths() {
-    let _alone = alone();
+    one_at_a_time();
     let case = Case::shipped("gi_ref");
     let emission = paths(5_003);
     let maps: Vec<_> = [1, 4, 8, 16].map(|lanes| on_device(&context(Some(lanes)), &case, &emission)).into();
@@ -174,7 +168,7 @@ fn any_number_of_lanes_walks_the_same_paths() {
 
 #[test]
 fn a_million_paths_give_the_same_bytes_twice() {
-    let _alone = alone();
+    one_at_a_time();
     let context = context(None);
     let case = Case::shipped("gi_ref");
     let emission = Emission { store_direct: false, ..paths(1_000_003) };
@@ -192,7 +186,7 @@ fn used_memory(context: &Context, glossy: bool, photons: usize) -> PhotonMap {
 
 #[test]
 fn a_counted_map_has_the_same_bytes_twice_and_in_any_older_maps_memory() {
-    let _alone = alone();
+    one_at_a_time();
     // Of one lane: as on a GPU.
     let context = context(Some(1));
     for (name, amount) in [
@@ -262,7 +256,7 @@ fn one_byte_of_a_map_would_be_noticed() {
 
 #[test]
 fn stored_fills_the_same_slots_as_the_twin() {
-    let _alone = alone();
+    one_at_a_time();
     // Of one lane: as on a GPU.
     for context in [context(None), context(Some(1))] {
         for case in [grey_box(0.5), Case::shipped("gi_two_lights"), Case::shipped("sphere_and_plane")] {
@@ -278,7 +272,7 @@ fn stored_fills_the_same_slots_as_the_twin() {
 
 #[test]
 fn nothing_to_store_is_refused_as_the_twin_refuses_it() {
-    let _alone = alone();
+    one_at_a_time();
     let said = |result: Result<usize, Error>| {
         let error = result.expect_err("there is nothing to store");
         (error.to_string(), error.exit_code())
@@ -299,7 +293,7 @@ fn nothing_to_store_is_refused_as_the_twin_refuses_it() {
 
 #[test]
 fn a_scene_without_anything_gives_an_empty_map() {
-    let _alone = alone();
+    one_at_a_time();
     let context = context(None);
     let case = Case::parse("[[lights]]\nposition = [0, 0, 0]\nintensity = [1, 1, 1]\n");
     let map = on_device(&context, &case, &paths(10));

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use photile::rays::emission::{Emission, Sampler};
 use photile::rays::walk::{sample_cosine, sample_ggx, smith_g1, unit_circle};
 
-use crate::{Case, grey_box, paths, power_by_bounce};
+use super::{Case, grey_box, paths, power_by_bounce};
 
 #[test]
 fn a_closed_box_follows_the_albedo_series() {

@@ -12,7 +12,7 @@ use photile::rays::scene::SceneTables;
 use photile::records::packing::Packed;
 use photile::settings::Settings;
 
-use crate::{Case, grey_box, paths};
+use super::{Case, grey_box, paths};
 
 #[test]
 fn half_of_the_sphere_and_plane_would_be_wasted_and_the_mean_stays() {

@@ -1,4 +1,4 @@
-//! Paths per second, on demand: `cargo test --release --test photons -- --ignored --nocapture`.
+//! Paths per second, on demand: `cargo test --release --test all photons::speed -- --ignored --nocapture`.
 
 use std::rc::Rc;
 use std::time::Instant;
@@ -7,11 +7,13 @@ use photile::device::cl::{Context, devices};
 use photile::stage::photons::Photons;
 use photile::stage::scan::Scan;
 
-use crate::{Case, paths};
+use super::{Case, paths};
+use crate::common::one_at_a_time;
 
 #[test]
 #[ignore = "a measurement"]
 fn paths_per_second() {
+    one_at_a_time();
     let context = Rc::new(Context::new(devices(None).unwrap().remove(0)).unwrap());
     eprintln!("{} ({} lanes)", context.device.name, context.device.lanes);
     let mut stage = Photons::new(Rc::clone(&context), Rc::new(Scan::new(&context).unwrap()));

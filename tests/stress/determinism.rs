@@ -29,7 +29,7 @@ fn ways() -> [Settings; 3] {
 
 #[test]
 fn twenty_runs_give_the_same_bytes() {
-    let _one = one_at_a_time();
+    one_at_a_time();
     let scene = shipped("gi_ref");
     for mut pipeline in backends() {
         for wanted in ways() {
@@ -67,7 +67,7 @@ fn threads_do_not_show() {
 
 #[test]
 fn cutting_does_not_show_and_bounds_what_a_submission_takes() {
-    let _one = one_at_a_time();
+    one_at_a_time();
     let scene = shipped("gi_ref");
     for mut pipeline in backends() {
         let wanted = Settings { width: 96, height: 72, ..settings(Method::Grid) };
@@ -102,7 +102,7 @@ impl Drop for Everywhere {
 
 #[test]
 fn every_kernel_may_be_cut() {
-    let _one = one_at_a_time();
+    one_at_a_time();
     let scene = shipped("gi_ref");
     let gather = Technique::FinalGather(FinalGather { rays: 8, ..FinalGather::default() });
     for backend in [Backend::OpenCl, Backend::OpenGl] {
@@ -132,7 +132,7 @@ fn every_kernel_may_be_cut() {
 
 #[test]
 fn a_picture_cut_within_its_pixels_is_the_same_but_for_the_order_of_sums() {
-    let _one = one_at_a_time();
+    one_at_a_time();
     let scene = shipped("gi_ref");
     let Some(mut pipeline) = crate::common::open(Backend::OpenCl) else { return };
     for (method, radius) in [(Method::Grid, 8.0), (Method::Brute, 1.0), (Method::Tiles, 8.0)] {
@@ -153,7 +153,7 @@ fn a_picture_cut_within_its_pixels_is_the_same_but_for_the_order_of_sums() {
 
 #[test]
 fn machines_agree_within_the_stated_bound() {
-    let _one = one_at_a_time();
+    one_at_a_time();
     let scene = shipped("gi_ref");
     let wanted = settings(Method::Grid);
     let mut images = Vec::new();

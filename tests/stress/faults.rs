@@ -97,7 +97,7 @@ fn a_full_disk_leaves_the_old_image() {
 
 #[test]
 fn a_kernel_that_does_not_build_names_our_file_and_line() {
-    let _one = one_at_a_time();
+    one_at_a_time();
     let device = cl::devices(None).and_then(|mut devices| Context::new(devices.remove(0)));
     let Ok(context) = device.map_err(|error| missing("OpenCL", &error)) else { return };
     let text = "#include \"shim.cl\"\n__kernel void broken(__global float *x) {\n    x[0] = nope;\n}\n";
@@ -113,7 +113,7 @@ fn a_kernel_that_does_not_build_names_our_file_and_line() {
 
 #[test]
 fn memory_that_is_not_there_is_an_error_with_its_size() {
-    let _one = one_at_a_time();
+    one_at_a_time();
     let device = cl::devices(None).and_then(|mut devices| Context::new(devices.remove(0)));
     let Ok(context) = device.map_err(|error| missing("OpenCL", &error)) else { return };
     let bytes = 1usize << 46;
@@ -128,7 +128,7 @@ fn memory_that_is_not_there_is_an_error_with_its_size() {
 
 #[test]
 fn a_lost_device_is_said_and_leaves_the_old_image() {
-    let _one = one_at_a_time();
+    one_at_a_time();
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("out.exr"), "old").unwrap();
     let usual = ["render", GI_REF, "-o", "out.exr", "--size", "32x24", "--photons", "2k"];
@@ -161,7 +161,7 @@ fn a_lost_device_is_said_and_leaves_the_old_image() {
 
 #[test]
 fn what_does_not_fit_into_the_device_comes_in_batches_or_is_said_not_to_fit() {
-    let _one = one_at_a_time();
+    one_at_a_time();
     if !is_there(Backend::OpenCl) {
         return;
     }

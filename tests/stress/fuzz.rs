@@ -1,5 +1,6 @@
 //! Fuzzing of the scene parser with stable Rust: the body that `tests/fuzz` gives to cargo-fuzz, here with mutations of
-//! the shipped scenes. Seconds by default; `PHOTILE_FUZZ_SECONDS=600 cargo test --release --test stress fuzz` goes on.
+//! the shipped scenes. Seconds by default; `PHOTILE_FUZZ_SECONDS=600 cargo test --release --test all stress::fuzz` goes
+//! on.
 
 use std::time::{Duration, Instant};
 

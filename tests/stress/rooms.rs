@@ -70,7 +70,7 @@ const WALLS: f64 = 2e-5;
 
 #[test]
 fn contact_shadows_far_from_the_origin_are_those_of_double_precision() {
-    let _one = one_at_a_time();
+    one_at_a_time();
     let scene = contact_shadows();
     let reference = double_precision(&scene);
     for mut pipeline in backends() {
@@ -87,7 +87,7 @@ fn contact_shadows_far_from_the_origin_are_those_of_double_precision() {
 
 #[test]
 fn rooms_walled_by_huge_spheres_are_those_of_double_precision() {
-    let _one = one_at_a_time();
+    one_at_a_time();
     let scene = sphere_walls();
     let reference = double_precision(&scene);
     for mut pipeline in backends() {

@@ -88,7 +88,7 @@ fn both_codes_meet_the_same() {
 
 #[test]
 fn a_map_does_not_know_where_the_camera_is() {
-    let _one = one_at_a_time();
+    one_at_a_time();
     let inside = shipped("gi_ref");
     let mut outside = inside.clone();
     outside.camera.position.z = 9.0;

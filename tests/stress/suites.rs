@@ -24,7 +24,7 @@ fn the_twins_hold_every_bound() {
 
 #[test]
 fn devices_hold_the_bounds_of_single_functions() {
-    let _one = one_at_a_time();
+    one_at_a_time();
     let suites = [Suite::Intersection, Suite::Leaks, Suite::Estimator, Suite::Random];
     let report = stress(&suites, &Backend::ALL, None);
     let failed: Vec<_> = report.rows.iter().filter(|row| !row.holds).collect();
@@ -46,7 +46,7 @@ fn every_fault_is_found_by_its_suite() {
 
 #[test]
 fn devices_find_faults_of_their_own_code() {
-    let _one = one_at_a_time();
+    one_at_a_time();
     for fault in [Fault::NaiveSphere, Fault::FixedEpsilon] {
         let report = stress(&[fault.found_by()], &[Backend::OpenGl, Backend::OpenCl, Backend::Cpu], Some(fault));
         for backend in Backend::ALL {
@@ -59,7 +59,7 @@ fn devices_find_faults_of_their_own_code() {
 /// GPUs have one lane, and that code is seldom built here.
 #[test]
 fn one_lane_compiles_too() {
-    let _one = one_at_a_time();
+    one_at_a_time();
     let features = Features {
         spheres: true,
         planes: true,
@@ -73,6 +73,7 @@ fn one_lane_compiles_too() {
         in_uniforms: false,
         counts: None,
     };
+    one_at_a_time();
     let Ok(device) = photile::device::cl::devices(None).map(|mut devices| devices.remove(0)) else {
         return crate::common::missing("OpenCL", &"no device");
     };

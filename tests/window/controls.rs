@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use photile::film::Image;
 
+use super::display::{Display, Window, share_changed};
 use crate::common;
-use crate::display::{Display, Window, share_changed};
 
 #[test]
 fn it_opens_soon_follows_the_hand_and_leaves_nothing_behind() {

@@ -13,6 +13,7 @@ fn picture(height: u32, value: impl Fn(u32) -> f32) -> Image {
 
 /// The picture after its gaps were filled by the rows around them.
 fn bridged(image: &Image, gaps: &[[u32; 2]]) -> Option<Vec<f32>> {
+    common::one_at_a_time();
     let headless = Headless::new().map_err(|error| common::missing("OpenGL", &error)).ok()?;
     let mut mean = Mean::new(&headless.current().gl).unwrap();
     mean.add_image(image).unwrap();

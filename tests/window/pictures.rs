@@ -4,8 +4,8 @@ use std::process::Command;
 
 use photile::film::Image;
 
+use super::display::{BINARY, Display, Window, share_changed};
 use crate::common;
-use crate::display::{BINARY, Display, Window, share_changed};
 
 /// Opens a window with these options, waits until it has converged, presses P, and renders the same without a window.
 fn shot_and_rendered(options: &[&str], passes: &str) -> Option<[Image; 2]> {

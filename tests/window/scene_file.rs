@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
+use super::display::{Display, Window, share_changed};
 use crate::common;
-use crate::display::{Display, Window, share_changed};
 
 fn copied(display: &Display, name: &str) -> PathBuf {
     let path = display.directory.path().join(format!("{name}.toml"));

@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 use photile::film::Image;
 use serde_json::Value;
 
+use super::display::{BINARY, Display, PATIENCE, Window, share_changed, view};
 use crate::common;
-use crate::display::{BINARY, Display, PATIENCE, Window, share_changed, view};
 
 #[test]
 fn at_twice_the_scale_a_picture_still_has_its_pixels() {

@@ -4,8 +4,8 @@ use std::process::Command;
 
 use serde_json::Value;
 
+use super::display::{BINARY, Display};
 use crate::common;
-use crate::display::{BINARY, Display};
 
 #[test]
 fn scripts_run_in_a_window_and_without() {

@@ -1,4 +1,8 @@
 // Plane without an end: its anchor is the unit normal n, its extent the offset d of dot(n, p) = d.
+#include "shared/shapes/flat.glsl"
+#define plane_place flat_place
+#define plane_met_behind flat_met_behind
+#define plane_chart flat_chart
 
 // `origin_on`: the ray starts on this plane.
 Real hit_plane(Vec3 origin, Vec3 direction, Vec3 normal, Real offset, Bool origin_on) {
@@ -19,20 +23,7 @@ Real hit_plane(Vec3 origin, Vec3 direction, Vec3 normal, Real offset, Bool origi
 #define plane_hit(i, origin, direction, origin_on, behind) \
     hit_plane(origin, direction, shape_anchor_same(i), shape_extent_same(i), origin_on)
 
-// A hit point p put back on the plane.
-INLINE Placed plane_place(Vec3 normal, Real offset, Vec3 p) {
-    Placed placed;
-    placed.normal = normal;
-    placed.position = add3(p, scale3(normal, offset - dot3(normal, p)));
-    return placed;
-}
-
 #ifdef HAS_TWO_SIDED
-// Whether the plane was met from the side that its normal does not point to.
-INLINE Bool plane_met_behind(Hit hit, Vec3 origin, Vec3 direction, Vec3 normal, Real offset) {
-    return dot3(normal, direction) > 0.0f;
-}
-
 // A hit point of another shape, put to the side of plane i from which the ray came. `leaves`: −1 where the ray leaves
 // the side that normals do not point to.
 INLINE Vec3 plane_keep_side(SCENE_PARAMS int i, Vec3 origin, Vec3 direction, Hit hit, Real leaves, Vec3 position) {
@@ -66,6 +57,7 @@ INLINE Bool plane_blocks(SCENE_PARAMS int i, Vec3 origin, Vec3 light, Vec3 direc
 #define PLANE_SEES_ITSELF false
 
 #ifdef HAS_BOTH_SIDES
+#define PLANE_PARTS
 // Whether plane i lies between a point and a photon.
 INLINE Bool plane_parts(SCENE_PARAMS int i, Vec3 point, Vec3 photon) {
     Vec3 normal = shape_anchor_same(i);
@@ -85,16 +77,10 @@ INLINE Real plane_distance(SCENE_PARAMS int i, Vec3 position) {
 INLINE Real plane_likeness(SCENE_PARAMS Int shape, Vec3 apart) { return lanes(1.0f); }
 #endif
 
-#ifdef HAS_CHARTS
-// Coordinates along two axes, straight or, where the plane has no end, bent: x/(1 + |x|) < 1.
-INLINE ChartPoint plane_chart(SCENE_PARAMS Surface surface) {
-    Int sheet = SHEET_OF_SHAPE(surface.shape);
-    Real u = dot3(chart_axis_u(sheet), surface.position) + chart_offset_u(sheet);
-    Real v = dot3(chart_axis_v(sheet), surface.position) + chart_offset_v(sheet);
-    Real bend = chart_bend(sheet);
-    ChartPoint at;
-    at.u = u / (1.0f + bend * fabs(u));
-    at.v = v / (1.0f + bend * fabs(v));
-    return at;
+// A plane cuts other surfaces' discs once.
+#define PLANE_CUTS 1
+#ifdef HAS_CLIP
+INLINE Cut plane_cut(SCENE_PARAMS int i, int number, Surface surface, Real inverse_radius) {
+    return flat_cut(SCENE i, surface, inverse_radius);
 }
 #endif

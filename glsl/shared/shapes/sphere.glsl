@@ -155,3 +155,6 @@ INLINE Real sphere_cut(SCENE_PARAMS Int shape, Vec3 position, Vec3 normal, Real 
     return pick(circle_sine * radius * inverse_radius > 0.05f, chordal, INFINITE);
 }
 #endif
+
+// Spheres cover circles of flat surfaces (above) rather than cut them.
+#define SPHERE_CUTS 0

@@ -1,6 +1,7 @@
 //! Twins of `glsl/shared/shapes/`: what rays ask of each kind of shape, without any epsilon, and the dispatch among the
 //! kinds.
 
+mod flat;
 pub mod plane;
 pub mod sphere;
 
@@ -72,6 +73,36 @@ pub struct Placed {
     pub normal: Vec3,
 }
 
+/// The line in which a shape cuts the tangent plane around a query point: points p (from the query point, in radii) with
+/// dot(across, p) = beyond.
+#[derive(Clone, Copy, Debug)]
+pub struct Cut {
+    /// The part in the tangent plane of the shape's normal, from the query point towards it.
+    pub across: Vec3,
+    /// Its length: the line is beyond/sine away.
+    pub sine: f32,
+    /// More than 0.
+    pub beyond: f32,
+}
+
+impl Cut {
+    /// A line that crosses no disc.
+    pub const NONE: Cut = Cut { across: Vec3::ZERO, sine: 1.0, beyond: f32::INFINITY };
+}
+
+/// The point around which a disc is cut.
+#[derive(Clone, Copy, Debug)]
+pub struct SurfaceOf<'a> {
+    /// The shape that it lies on.
+    pub shape: &'a Shape,
+    /// That is the shape which is asked for its cuts.
+    pub is_own: bool,
+    /// Scene space.
+    pub position: Vec3,
+    /// Unit.
+    pub normal: Vec3,
+}
+
 macro_rules! dispatch {
     (() $($kind:ident $type:ident $plural:ident,)*) => {
         /// Distance along a ray, or [`INFINITE`]. `on`: the ray starts on the shape.
@@ -106,6 +137,22 @@ macro_rules! dispatch {
         #[inline]
         pub fn distance(shape: &Shape, position: Vec3) -> f32 {
             match ShapeKind::of(shape.kind) { $(ShapeKind::$type => $kind::distance(shape, position),)* }
+        }
+
+        /// Whether the shape is a wall between a point and a photon.
+        #[inline]
+        pub fn parts(shape: &Shape, point: Vec3, photon: Vec3) -> bool {
+            match ShapeKind::of(shape.kind) { $(ShapeKind::$type => $kind::parts(shape, point, photon),)* }
+        }
+
+        /// How many lines the shape cuts discs with.
+        pub fn cuts(shape: &Shape) -> usize {
+            match ShapeKind::of(shape.kind) { $(ShapeKind::$type => $kind::CUTS,)* }
+        }
+
+        /// One of its cuts of the disc around a point.
+        pub fn cut(shape: &Shape, number: usize, on: &SurfaceOf, inverse_radius: f32) -> Cut {
+            match ShapeKind::of(shape.kind) { $(ShapeKind::$type => $kind::cut(shape, number, on, inverse_radius),)* }
         }
 
         /// Whether two points of the shape may see each other, whatever rounding says of their angles.

@@ -2,7 +2,8 @@
 
 use glam::Vec3;
 
-use super::{INFINITE, KeepSide, LEAST_DISTANCE, MARGIN, Placed, ShadowRay, Sides, UNSURE, size_of};
+use super::flat::flat_cut;
+use super::{Cut, INFINITE, KeepSide, LEAST_DISTANCE, MARGIN, Placed, ShadowRay, Sides, SurfaceOf, UNSURE, size_of};
 use crate::records::{Chart, Shape};
 
 /// A plane does not see itself.
@@ -63,10 +64,18 @@ pub fn blocks(shape: &Shape, ray: &ShadowRay, on: bool, _sides: Sides) -> bool {
     !on && here * there < 0.0 && there.abs() > 1e-6 * (size + shape.extent.abs())
 }
 
-/// Whether the plane lies between a point and a photon. Photons of the very edge count for both sides.
+/// See [`super::parts`]. Photons of the very edge count for both sides.
 pub fn parts(shape: &Shape, point: Vec3, photon: Vec3) -> bool {
     let normal = Vec3::from(shape.anchor);
     (shape.extent - normal.dot(point)) * (shape.extent - normal.dot(photon)) < 0.0
+}
+
+/// Cuts of other surfaces' discs.
+pub const CUTS: usize = 1;
+
+/// See [`super::cut`].
+pub fn cut(shape: &Shape, _number: usize, on: &SurfaceOf, inverse_radius: f32) -> Cut {
+    flat_cut(shape, on, inverse_radius)
 }
 
 /// See [`super::distance`].

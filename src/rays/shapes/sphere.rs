@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::{INFINITE, KeepSide, LEAST_DISTANCE, MARGIN, Placed, ShadowRay, Sides, UNSURE, size_of};
+use super::{Cut, INFINITE, KeepSide, LEAST_DISTANCE, MARGIN, Placed, ShadowRay, Sides, SurfaceOf, UNSURE, size_of};
 use crate::rays::camera::normalize3;
 use crate::records::{Chart, Shape};
 
@@ -78,6 +78,35 @@ pub fn keep_side(shape: &Shape, ray: &KeepSide, position: Vec3) -> Vec3 {
 pub fn blocks(shape: &Shape, ray: &ShadowRay, on: bool, sides: Sides) -> bool {
     // Half an ulp of the distance: a light that lies on a sphere is not shadowed by it.
     hit(shape, ray.origin, ray.direction, on, sides) < ray.distance * 0.999_999_9
+}
+
+/// See [`super::parts`]: a sphere is convex, and what it hides is left out as a footprint.
+pub fn parts(_shape: &Shape, _point: Vec3, _photon: Vec3) -> bool {
+    false
+}
+
+/// Spheres cover circles of flat surfaces rather than cut them.
+pub const CUTS: usize = 0;
+
+/// See [`super::cut`].
+pub fn cut(_shape: &Shape, _number: usize, _on: &SurfaceOf, _inverse_radius: f32) -> Cut {
+    Cut::NONE
+}
+
+/// Distance, in radii of the disc, of a plane's cut from a point on the sphere, which the plane cuts in a circle. Lambert's
+/// equal-area map keeps chordal distances. `offset`: of the plane from the point, along its normal.
+pub fn plane_cut(shape: &Shape, position: Vec3, normal: Vec3, offset: f32, inverse_radius: f32) -> f32 {
+    let radius = shape.extent;
+    let outward = (position - Vec3::from(shape.anchor)) * (1.0 / radius);
+    let point_cosine = normal.dot(outward);
+    let circle_cosine = offset / radius + point_cosine;
+    let point_sine = (1.0 - point_cosine * point_cosine).max(0.0).sqrt();
+    let circle_sine = (1.0 - circle_cosine * circle_cosine).max(0.0).sqrt();
+    let (dc, ds) = (point_cosine - circle_cosine, point_sine - circle_sine);
+    // A circle of less than R/20 takes 1/400 of the disc at most; a sphere that just touches the plane has one or
+    // none by the last bit.
+    let resembles_a_chord = circle_sine * radius * inverse_radius > 0.05;
+    if resembles_a_chord { (dc * dc + ds * ds).sqrt() * radius * inverse_radius } else { f32::INFINITY }
 }
 
 /// See [`super::distance`].

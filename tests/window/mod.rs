@@ -3,8 +3,6 @@
 //!
 //! Without Xvfb or xdotool they are skipped; with PHOTILE_REQUIRE_DRIVERS=1, as in CI, they fail instead.
 
-#[path = "../common/mod.rs"]
-mod common;
 mod controls;
 mod display;
 mod gaps;

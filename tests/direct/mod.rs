@@ -1,8 +1,5 @@
 //! Direct light, from the scene file to the image, on every backend that is there.
 
-#[path = "../common/mod.rs"]
-mod common;
-
 mod agreement;
 mod analytic;
 mod changes;

@@ -12,9 +12,6 @@ mod tiled_pictures;
 mod tiles;
 mod timings;
 
-use std::ops::Deref;
-use std::sync::{Mutex, MutexGuard};
-
 use glam::DVec3;
 use photile::cpu::grid::{PhotonSurface, PhotonTables, face_of, grid_bounds};
 use photile::device::cl::{Context, devices};
@@ -24,6 +21,8 @@ use photile::rays::random::{hash2_u, unit_real};
 use photile::records::packing::Packed;
 use photile::records::{Material, PLANE, PhotonDirection, PhotonPosition, PhotonPower, SPHERE, Shape};
 use photile::stage::photon_map::PhotonMap;
+
+use crate::common::one_at_a_time;
 
 /// A stream of uniform reals, the same everywhere.
 pub struct Random {
@@ -150,36 +149,16 @@ pub fn surface_point(shape: &Shape, random: &mut Random) -> [f32; 3] {
     [0, 1, 2].map(|axis| p[axis] + off * shape.anchor[axis])
 }
 
-/// A device for one test.
-pub struct Device {
-    context: Context,
-    _alone: MutexGuard<'static, ()>,
-}
-
-impl Deref for Device {
-    type Target = Context;
-
-    fn deref(&self) -> &Context {
-        &self.context
-    }
-}
-
-/// The first OpenCL device: every machine that runs the tests has one, if only PoCL. One test at a time: PoCL and
-/// llvmpipe share one LLVM, and crash when both compile at once.
-pub fn device() -> Device {
-    let alone = alone();
-    Device { context: open_device(None, &mut |_| {}).expect("an OpenCL device"), _alone: alone }
+/// The first OpenCL device: every machine that runs the tests has one, if only PoCL.
+pub fn device() -> Context {
+    one_at_a_time();
+    open_device(None, &mut |_| {}).expect("an OpenCL device")
 }
 
 /// The same as GPUs are driven: one lane a work-item, and work-groups that share local memory.
-pub fn like_a_gpu() -> Device {
-    let alone = alone();
+pub fn like_a_gpu() -> Context {
+    one_at_a_time();
     let mut device = devices(None).expect("OpenCL").remove(0);
     device.lanes = 1;
-    Device { context: Context::new(device).expect("an OpenCL device"), _alone: alone }
-}
-
-fn alone() -> MutexGuard<'static, ()> {
-    static ALONE: Mutex<()> = Mutex::new(());
-    ALONE.lock().unwrap_or_else(|failed| failed.into_inner())
+    Context::new(device).expect("an OpenCL device")
 }
