@@ -85,7 +85,3 @@ float copysign(float magnitude, float sign_of) {
 #define PARAM3(table, t) table[t]
 #define PARAM3_SCALAR PARAM3
 #define PARAM1(table, t, channel) table[t][channel]
-
-// What OpenCL passes as pointers is global here.
-#define SCENE_PARAMS
-#define SCENE

@@ -9,8 +9,6 @@
 #include "shared/faults.glsl"
 #include "shared/scene.glsl"
 TABLE(cases)
-#define CASE_PARAMS
-#define CASES
 #include "shared/stress.glsl"
 
 uniform int first;  // item that the target's first pixel stands for

@@ -30,7 +30,7 @@ INLINE void add_quanta(__global uint *sums, Bool stored, Int texel, Vec3 quanta,
 }
 
 // sums: quanta, three a texel.
-__kernel void irradiance_splat(WALK_PARAMS, uint runs, float quanta_per_watt, __global uint *sums) {
+__kernel void irradiance_splat(WALK_PARAMS uint runs, float quanta_per_watt, __global uint *sums) {
     if (FIRST_RUN >= runs) return;
     Uint run = lanes_u(FIRST_RUN) + LANE_NUMBER;
     Uint path = run_start(run, first_path, end_path, run_length);

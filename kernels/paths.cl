@@ -12,8 +12,7 @@
 #include "shared/bsdf.glsl"
 #include "shared/sampling.glsl"
 
-// What GLSL would hold as globals: emitters, a record a light; emitter_counts, three uints a light: its slots of a
-// round, its first cell of the emission map, its cells; slots: light << SLOTS_LOG2 | rank among the light's own slots.
+// See EMISSION of table_sets.rs for the tables.
 #ifndef SLOTS_LOG2
 #define SLOTS_LOG2 12u
 #endif
@@ -21,13 +20,8 @@
 #define EMISSION_ROWS (1u << EMISSION_ROWS_LOG2)
 #define EMISSION_COLUMNS (1u << EMISSION_COLUMNS_LOG2)
 #define EMISSION_CELL_BITS (EMISSION_ROWS_LOG2 + EMISSION_COLUMNS_LOG2)
-#define EMISSION_PARAMS __global const float *emitters, __global const uint *emitter_counts, \
-    __global const uint *slots, __global const uint *emission_cells,
-#define EMISSION emitters, emitter_counts, slots, emission_cells,
 #include "shared/walk.glsl"
 
-// Paths [first_path, end_path) in runs of run_length; `stream` is the hash of seed and pass.
-#define WALK_PARAMS SCENE_PARAMS EMISSION_PARAMS uint first_path, uint end_path, uint run_length, uint stream
 #define FIRST_RUN ((uint)get_global_id(0) * LANES)
 
 // Tables of runs are padded to whole work-items.

@@ -9,13 +9,6 @@
 // The side of the object that a photon lands on: 2·object + (0 | 1).
 INLINE Real face_of(Surface surface) { return to_real(face_left(surface)); }
 
-// What a photon leaves in the map, a table a property.
-#ifdef HAS_GLOSSY
-#define MAP_PARAMS __global float *positions, __global float *powers, __global float *faces, __global float *directions
-#else
-#define MAP_PARAMS __global float *positions, __global float *powers, __global float *faces
-#endif
-
 #if LANES == 1
 // A work-group walks consecutive paths, run_length for each of its work-items, and whoever has walked one to its end takes
 // the next that nobody has: few wait for the longest of them. What a path stores, and where, depends on its number only.
@@ -27,7 +20,7 @@ INLINE Real face_of(Surface surface) { return to_real(face_left(surface)); }
 // counts[path - first_path]: photons that each path stores; totals[group]: those of each group, and behind the last
 // group's a 0, which the scan turns into the sum of all.
 __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1)))
-void photons_count(WALK_PARAMS, __global ushort *counts, __global uint *totals) {
+void photons_count(WALK_PARAMS __global ushort *counts, __global uint *totals) {
     __local uint total, next;
     uint item = get_local_id(0);
     if (item == 0u) {
@@ -83,7 +76,7 @@ void copy_out(__local const float *from, uint count, __global float *to) {
 
 // The same walks, which now write, each group from its offset on. Slots from `limit` on are dropped.
 __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1)))
-void photons_store(WALK_PARAMS, __global const ushort *counts, __global const uint *offsets, uint limit, MAP_PARAMS) {
+void photons_store(WALK_PARAMS MAP_PARAMS __global const ushort *counts, __global const uint *offsets, uint limit) {
     __local uint places[GROUP * PHOTONS_RUN]; // of each path's first photon, from the group's first on
     __local uint sums[GROUP];
     __local uint next;
@@ -122,7 +115,7 @@ void photons_store(WALK_PARAMS, __global const ushort *counts, __global const ui
             if (place < STAGED) {
                 STORE(place, staged_positions, staged_powers, staged_faces, staged_directions);
             } else if (begin + place < limit) {
-                STORE(begin + place, positions, powers, faces, directions);
+                STORE(begin + place, photon_positions, photon_powers, photon_faces, photon_directions);
             }
             place++;
         }
@@ -132,16 +125,16 @@ void photons_store(WALK_PARAMS, __global const ushort *counts, __global const ui
     }
     barrier(CLK_LOCAL_MEM_FENCE);
     uint count = min(min(offsets[GROUP_NUMBER + 1u], limit) - min(begin, limit), STAGED);
-    copy_out(staged_positions, 3u * count, positions + 3u * begin);
-    copy_out(staged_powers, 3u * count, powers + 3u * begin);
-    copy_out(staged_faces, count, faces + begin);
+    copy_out(staged_positions, 3u * count, photon_positions + 3u * begin);
+    copy_out(staged_powers, 3u * count, photon_powers + 3u * begin);
+    copy_out(staged_faces, count, photon_faces + begin);
 #ifdef HAS_GLOSSY
-    copy_out(staged_directions, 3u * count, directions + 3u * begin);
+    copy_out(staged_directions, 3u * count, photon_directions + 3u * begin);
 #endif
 }
 #else
 // counts[run]: photons that each run of consecutive paths stores, one run a lane.
-__kernel void photons_count(WALK_PARAMS, __global uint *counts, uint runs) {
+__kernel void photons_count(WALK_PARAMS __global uint *counts, uint runs) {
     if (FIRST_RUN >= runs) return;
     Uint run = lanes_u(FIRST_RUN) + LANE_NUMBER;
     Uint path = run_start(run, first_path, end_path, run_length);
@@ -163,7 +156,7 @@ __kernel void photons_count(WALK_PARAMS, __global uint *counts, uint runs) {
 }
 
 // The path that stores photon number `wanted` of a run, from 1 on: `--stored` stops there. One work-item, one run.
-__kernel void photons_last(WALK_PARAMS, uint wanted, __global uint *last_path) {
+__kernel void photons_last(WALK_PARAMS uint wanted, __global uint *last_path) {
     Uint path = lanes_u(first_path);
     uint count = 0u;
     Photon photon = no_photon();
@@ -194,7 +187,7 @@ __kernel void photons_last(WALK_PARAMS, uint wanted, __global uint *last_path) {
 
 // Paths [first_path + item · LANES · run_length, …) of each work-item. totals, two vectors a work-item: the photons of
 // each lane; and how many steps the work-item recorded, in every lane. Beyond `room` steps it only counts.
-__kernel void photons_record(WALK_PARAMS, uint room, __global float *records, __global uint *totals) {
+__kernel void photons_record(WALK_PARAMS uint room, __global float *records, __global uint *totals) {
     uint item = get_global_id(0);
     Uint run = lanes_u(item * LANES) + LANE_NUMBER;
     Uint path = run_start(run, first_path, end_path, run_length);
@@ -230,8 +223,8 @@ __kernel void photons_record(WALK_PARAMS, uint room, __global float *records, __
 }
 
 // Records to their places in the map, from first_slot on. Slots from `limit` on are dropped.
-__kernel void photons_place(__global const float *records, __global const uint *totals, uint room, uint first_slot,
-                            uint limit, MAP_PARAMS) {
+__kernel void photons_place(MAP_PARAMS __global const float *records, __global const uint *totals, uint room,
+                            uint first_slot, uint limit) {
     uint item = get_global_id(0);
     __global const float *record = records + item * room * RECORD * LANES;
     __global const uint *counts = totals + 2u * item * LANES;
@@ -253,11 +246,11 @@ __kernel void photons_place(__global const float *records, __global const uint *
             for (uint s = begin; s < end; s++, own += RECORD * LANES) {
                 float face = own[6 * LANES];
                 if (face < 0.0f || slot >= limit) continue;
-                vstore3((float3)(own[0], own[LANES], own[2 * LANES]), slot, positions);
-                vstore3((float3)(own[3 * LANES], own[4 * LANES], own[5 * LANES]), slot, powers);
-                faces[slot] = face;
+                vstore3((float3)(own[0], own[LANES], own[2 * LANES]), slot, photon_positions);
+                vstore3((float3)(own[3 * LANES], own[4 * LANES], own[5 * LANES]), slot, photon_powers);
+                photon_faces[slot] = face;
 #ifdef HAS_GLOSSY
-                vstore3((float3)(own[7 * LANES], own[8 * LANES], own[9 * LANES]), slot, directions);
+                vstore3((float3)(own[7 * LANES], own[8 * LANES], own[9 * LANES]), slot, photon_directions);
 #endif
                 slot++;
             }

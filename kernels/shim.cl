@@ -248,47 +248,7 @@ void store_run(__global float *table, int first, int end, Vec3 v) {
 #endif
 }
 
-// Work-items of a group, and what they gather in together (group.cl).
+// Work-items of a group, which gather together (group.cl).
 #ifdef GATHER_GROUP
 #define GROUP_SIZE 64
-#define QUEUE_PARAM __local float4 *queue,
-#define QUEUE queue,
-#else
-#define QUEUE_PARAM
-#define QUEUE
 #endif
-
-// What GLSL holds as globals is passed along.
-#if defined(GATHER_TILES)
-#define PHOTON_PARAMS __global const float *gather, __global const float *tiles, __global const float *regions, \
-    __global const float *cell_starts, __global const float *tile_photons, \
-    __global const float *photon_positions, __global const float *photon_powers, \
-    __global const float *photon_faces, __global const float *photon_directions, QUEUE_PARAM
-#define PHOTONS gather, tiles, regions, cell_starts, tile_photons, \
-    photon_positions, photon_powers, photon_faces, photon_directions, QUEUE
-#elif defined(HAS_PHOTONS)
-#define PHOTON_PARAMS __global const float *gather, __global const float *faces, \
-    __global const float *cell_starts, \
-    __global const float *photon_positions, __global const float *photon_powers, \
-    __global const float *photon_faces, __global const float *photon_directions, QUEUE_PARAM
-#define PHOTONS gather, faces, cell_starts, \
-    photon_positions, photon_powers, photon_faces, photon_directions, QUEUE
-#elif defined(HAS_SITES)
-#define PHOTON_PARAMS CHART_PARAMS __global const float *lattice, __global const float *texels, \
-    __global const float *lit_points, __global const float *sites, __global const float *site_surfaces,
-#define PHOTONS charts, lattice, texels, lit_points, sites, site_surfaces,
-#elif defined(HAS_FINAL_GATHER)
-#define PHOTON_PARAMS CHART_PARAMS __global const float *lattice, __global const float *texels, \
-    __global const float *lit_points,
-#define PHOTONS charts, lattice, texels, lit_points,
-#elif defined(HAS_CHARTS)
-#define PHOTON_PARAMS CHART_PARAMS
-#define PHOTONS charts,
-#else
-#define PHOTON_PARAMS
-#define PHOTONS
-#endif
-#define CHART_PARAMS __global const float *charts,
-#define SCENE_PARAMS __global const float *frame, __global const float *shapes, __global const float *materials, __global const float *lights, \
-    PHOTON_PARAMS
-#define SCENE frame, shapes, materials, lights, PHOTONS

@@ -10,24 +10,24 @@
 
 #if GROUP == 1
 __kernel void sort_count(__global const uint *keys, __global uint *counts, int count, int per_item, int shift,
-                         int items) {
+                         int owners) {
     uint own[DIGITS];
     for (int d = 0; d < DIGITS; d++) own[d] = 0u;
     int item = get_global_id(0);
-    if (item >= items) return;
+    if (item >= owners) return;
     int end = min((item + 1) * per_item, count);
     for (int i = item * per_item; i < end; i++) own[DIGIT(keys[i])]++;
-    for (int d = 0; d < DIGITS; d++) counts[d * items + item] = own[d];
+    for (int d = 0; d < DIGITS; d++) counts[d * owners + item] = own[d];
 }
 
 // Places are the scanned counts. In the first pass (`numbers` = 1) a value is the pair's own number.
 __kernel void sort_scatter(__global const uint *keys, __global const uint *values, __global const uint *places,
                            __global uint *sorted_keys, __global uint *sorted_values, int count, int per_item,
-                           int shift, int numbers, int items) {
+                           int shift, int numbers, int owners) {
     uint next[DIGITS];
     int item = get_global_id(0);
-    if (item >= items) return;
-    for (int d = 0; d < DIGITS; d++) next[d] = places[d * items + item];
+    if (item >= owners) return;
+    for (int d = 0; d < DIGITS; d++) next[d] = places[d * owners + item];
     int end = min((item + 1) * per_item, count);
     for (int i = item * per_item; i < end; i++) {
         uint key = keys[i];
@@ -45,7 +45,7 @@ __kernel void sort_scatter(__global const uint *keys, __global const uint *value
 #include "group_scan.cl"
 
 __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1)))
-void sort_count(__global const uint *keys, __global uint *counts, int count, int per_item, int shift, int groups) {
+void sort_count(__global const uint *keys, __global uint *counts, int count, int per_item, int shift, int owners) {
     __local uint own[DIGITS];
     uint item = get_local_id(0);
     int group = (int)(get_global_id(0) / GROUP); // a launch may be cut: group numbers begin anew in each piece
@@ -54,14 +54,14 @@ void sort_count(__global const uint *keys, __global uint *counts, int count, int
     int first = group * RUN, end = min(first + RUN, count);
     for (int i = first + (int)item; i < end; i += GROUP) atomic_inc(own + DIGIT(keys[i]));
     barrier(CLK_LOCAL_MEM_FENCE);
-    for (uint d = item; d < DIGITS; d += GROUP) counts[(int)d * groups + group] = own[d];
+    for (uint d = item; d < DIGITS; d += GROUP) counts[(int)d * owners + group] = own[d];
 }
 
 // Places are the scanned counts. In the first pass (`numbers` = 1) a value is the pair's own number.
 __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1)))
 void sort_scatter(__global const uint *keys, __global const uint *values, __global const uint *places,
                   __global uint *sorted_keys, __global uint *sorted_values, int count, int per_item, int shift,
-                  int numbers, int groups) {
+                  int numbers, int owners) {
     __local uint run_keys[RUN];
     __local uint run_values[RUN];
     // Of each half digit and work-item, how many pairs there are, then which is the next one's place in the run.
@@ -110,7 +110,7 @@ void sort_scatter(__global const uint *keys, __global const uint *values, __glob
     barrier(CLK_LOCAL_MEM_FENCE);
     for (int i = (int)item; i < length; i += GROUP) {
         uint key = run_keys[i], digit = DIGIT(key);
-        uint place = places[(int)digit * groups + group] + (uint)i - starts[digit];
+        uint place = places[(int)digit * owners + group] + (uint)i - starts[digit];
         sorted_keys[place] = key;
         sorted_values[place] = run_values[i];
     }

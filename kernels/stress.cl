@@ -18,8 +18,6 @@
 #endif
 #include "shared/faults.glsl"
 #include "shared/scene.glsl"
-#define CASE_PARAMS __global const float *cases,
-#define CASES cases,
 #include "shared/stress.glsl"
 
 #if LANES == 1
@@ -32,7 +30,7 @@
 #endif
 
 // Global size: ceil(count / LANES). Answers of items first … first + count − 1.
-__kernel void stress_items(SCENE_PARAMS CASE_PARAMS __global uint *answers, int first, int count) {
+__kernel void stress_items(SCENE_PARAMS CASES_PARAMS __global uint *answers, int first, int count) {
     int base = (int)get_global_id(0) * LANES;
     if (base >= count) return;
     // Lanes past the end do the last item's work again: reading beyond a table is nobody's right.

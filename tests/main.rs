@@ -7,6 +7,7 @@
 mod bench;
 mod common;
 mod direct;
+mod endings;
 mod golden;
 mod house;
 mod photon_map;

@@ -15,7 +15,7 @@ struct Answer {
 
 #if defined(STRESS_INTERSECTION)
 // Case i: object i and ray i (origin, direction; 1 where the ray starts on the object). Distance, then the surface.
-INLINE Answer stress(SCENE_PARAMS CASE_PARAMS Int i) {
+INLINE Answer stress(SCENE_PARAMS CASES_PARAMS Int i) {
     Vec3 origin = FETCH3(cases, i, 3, 0);
     Vec3 direction = FETCH3(cases, i, 3, 1);
     Bool on = FETCH1(cases, i, 3, 2, 0) > 0.5f;
@@ -48,7 +48,7 @@ INLINE Real fraction_u(Uint bits) { return from_bits((127u - bits % 27u) << 23u)
 // A direction to where rounding matters: near a contact of two objects, or an edge of the box. Case 5 + 2j is such a
 // place, the next one the way along it; case 4 is (number of them, size of the room). Every fourth ray also hugs the
 // surface that it leaves. What would go into that surface is left as it is.
-INLINE Vec3 aimed(CASE_PARAMS Surface surface, Uint key, Vec3 otherwise) {
+INLINE Vec3 aimed(CASES_PARAMS Surface surface, Uint key, Vec3 otherwise) {
     Uint places = lanes_u(uint_of(FETCH1_SCALAR(cases, 4, 1, 0, 0)));
     Real size = FETCH1_SAME(cases, 4, 1, 0, 1);
     Int place = to_int(hash_u(key + 3u) % places);
@@ -68,7 +68,7 @@ INLINE Vec3 aimed(CASE_PARAMS Surface surface, Uint key, Vec3 otherwise) {
 // point, then the places. Odd items aim half of their rays. Counted are rays, those that hit nothing, those that hit
 // the surface they leave, points outside the box, points inside a sphere; then comes the first ray so lost, from 1.
 // STRESS_REPLAY instead tells the last ray's origin and direction, what it left and what it hit.
-INLINE Answer stress(SCENE_PARAMS CASE_PARAMS Int i) {
+INLINE Answer stress(SCENE_PARAMS CASES_PARAMS Int i) {
     Vec3 low = FETCH3_SAME(cases, 0, 1, 0);
     Vec3 high = FETCH3_SAME(cases, 1, 1, 0);
     Real tolerance = FETCH1_SAME(cases, 2, 1, 0, 0);
@@ -140,7 +140,7 @@ INLINE Answer stress(SCENE_PARAMS CASE_PARAMS Int i) {
 
 #elif defined(STRESS_RANDOM)
 // Case i: two counters. What the renderer makes of them.
-INLINE Answer stress(SCENE_PARAMS CASE_PARAMS Int i) {
+INLINE Answer stress(SCENE_PARAMS CASES_PARAMS Int i) {
     // A float holds 16 bits of a counter exactly.
     Vec3 halves = FETCH3(cases, i, 2, 0);
     Vec3 others = FETCH3(cases, i, 2, 1);

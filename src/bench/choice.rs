@@ -8,7 +8,7 @@ use super::gather::emit;
 use super::saved;
 use super::table::{Table, Value};
 use super::timing::{Samples, median};
-use super::{MachineInfo, Measured, Options, Progress, Report, Steps, Suite};
+use super::{MachineInfo, Measured, Options, Progress, Report, Steps, Suite, or_end};
 use crate::cpu::grid::face_of;
 use crate::error::{Error, Result};
 use crate::pipeline::{Pipeline, Rendering};
@@ -121,7 +121,7 @@ pub fn run(options: &Options, machine: &MachineInfo, progress: &mut dyn FnMut(Pr
     };
     let count = plan.sizes.len() * plan.stored.len() * plan.radii.len();
     let mut steps = Steps::new(progress, options.backends.len() * options.scenes.len() * count);
-    let mut judged = Judged::new();
+    let (mut judged, mut ended) = (Judged::new(), None);
     for backend in &options.backends {
         let mut pipeline = match Pipeline::open(&options.machine(Some(*backend)), |line| steps.notice(line)) {
             Ok(pipeline) => pipeline,
@@ -145,12 +145,17 @@ pub fn run(options: &Options, machine: &MachineInfo, progress: &mut dyn FnMut(Pr
             }
             let (radius, estimates, choosing) = ask(&setting)?;
             if !rows.iter().any(|row| setting.is_of(row)) {
-                rows.extend(measure(&mut pipeline, &setting, radius, &estimates, plan.rounds)?);
+                let measured = measure(&mut pipeline, &setting, radius, &estimates, plan.rounds);
+                match or_end(measured, !rows.is_empty(), &mut ended)? {
+                    Some(measured) => rows.extend(measured),
+                    None => break,
+                }
                 if let Some(directory) = &options.directory {
                     let (settings, machine) = (saved::settings(&plan)?, machine.clone());
                     let rows = saved::table(&rows, &COLUMNS)?;
                     let (summaries, charts) = Default::default();
-                    Report { suite: Suite::Choice, machine, settings, rows, summaries, charts }.write_to(directory)?;
+                    Report { suite: Suite::Choice, machine, settings, rows, summaries, charts, ended: None }
+                        .write_to(directory)?;
                 }
             }
             answers.push((setting, estimates, choosing));
@@ -163,7 +168,7 @@ pub fn run(options: &Options, machine: &MachineInfo, progress: &mut dyn FnMut(Pr
     let Judged { verdicts, costs, shares } = judged;
     let rows = saved::table(&rows, &COLUMNS)?;
     let summaries = vec![verdicts, costs, shares];
-    Ok(Measured { settings: saved::settings(&plan)?, rows, summaries, charts: Vec::new() })
+    Ok(Measured { settings: saved::settings(&plan)?, rows, summaries, charts: Vec::new(), ended })
 }
 
 fn settings_of<'a>(options: &'a Options, plan: &'a Plan, class: Class) -> impl Iterator<Item = Setting<'a>> {

@@ -12,7 +12,7 @@ use super::plot::{Chart, Curve, Look};
 use super::reference::reference;
 use super::table::{Table, Value};
 use super::timing::median;
-use super::{MachineInfo, Measured, Options, Progress, Report, Steps, Suite, saved};
+use super::{MachineInfo, Measured, Options, Progress, Report, Steps, Suite, or_end, saved};
 use crate::error::{Error, Result};
 use crate::film::Image;
 use crate::film::metrics::{self, measure};
@@ -84,6 +84,7 @@ pub fn run(options: &Options, machine: &MachineInfo, progress: &mut dyn FnMut(Pr
     if !rows.is_empty() {
         steps.notice(&format!("{} rows are measured already and kept", rows.len()));
     }
+    let mut ended = None;
     'all: for backend in &options.backends {
         let opened = Pipeline::open(&options.machine(Some(*backend)), |line| steps.notice(line));
         let mut pipeline = match opened {
@@ -105,13 +106,18 @@ pub fn run(options: &Options, machine: &MachineInfo, progress: &mut dyn FnMut(Pr
                 if rows.iter().any(known) {
                     continue;
                 }
-                rows.extend(curve(&mut pipeline, *backend, scene, reference, &setting, &plan)?);
+                let curve = curve(&mut pipeline, *backend, scene, reference, &setting, &plan);
+                match or_end(curve, !rows.is_empty(), &mut ended)? {
+                    Some(curve) => rows.extend(curve),
+                    None => break 'all,
+                }
                 mark_fronts(&mut rows);
                 if let Some(directory) = &options.directory {
                     let measured = measured(&plan, &rows, &peers)?;
                     let Measured { settings, rows, .. } = measured;
                     let (summaries, charts, machine) = (Vec::new(), Vec::new(), machine.clone());
-                    Report { suite: Suite::Error, machine, settings, rows, summaries, charts }.write_to(directory)?;
+                    Report { suite: Suite::Error, machine, settings, rows, summaries, charts, ended: None }
+                        .write_to(directory)?;
                 }
             }
         }
@@ -119,7 +125,7 @@ pub fn run(options: &Options, machine: &MachineInfo, progress: &mut dyn FnMut(Pr
     if rows.is_empty() {
         return Err(Error::Driver("none of the backends is there: nothing was measured".into()));
     }
-    measured(&plan, &rows, &peers)
+    Ok(Measured { ended, ..measured(&plan, &rows, &peers)? })
 }
 
 /// What is compared in a scene.
@@ -343,6 +349,7 @@ fn measured(plan: &Plan, rows: &[Row], peers: &Peers) -> Result<Measured> {
         rows: saved::table(rows, &COLUMNS)?,
         summaries: vec![summary],
         charts,
+        ended: None,
     })
 }
 

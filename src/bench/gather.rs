@@ -93,6 +93,9 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Meas
             let sample = Sample { positions: map.positions[..count].to_vec(), faces };
             let chosen = radius::choose(&tables, &frame, &sample, map.len() as u64);
             for (is_auto, radius) in [(true, chosen)].into_iter().chain(plan.radii.iter().map(|r| (false, *r))) {
+                if options.is_stopped() {
+                    break;
+                }
                 steps.begin(&format!("{}: {stored} photons, R={radius:.3}", scene.name));
                 let mut add = |method: Method, place: [Value; 5], found: Found| {
                     let mean = |sum: u64| sum as f64 / found.queries as f64;
@@ -130,7 +133,7 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Meas
         }
     }
     let settings = serde_json::to_value(&plan).map_err(|e| Error::Failed(format!("JSON: {e}")))?;
-    Ok(Measured { settings, rows, summaries: Vec::new(), charts: Vec::new() })
+    Ok(Measured { settings, rows, summaries: Vec::new(), charts: Vec::new(), ended: None })
 }
 
 /// A map of so many photons, with those that come straight from lights or without.

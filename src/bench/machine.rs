@@ -2,6 +2,7 @@
 
 use std::fs;
 
+use super::table::wrapped;
 use crate::device::cl;
 use crate::device::gl::Headless;
 
@@ -45,6 +46,12 @@ impl MachineInfo {
     /// Notes how busy the machine is now that the benchmark has ended.
     pub fn finish(&mut self) {
         self.load_average[1] = load_average();
+    }
+
+    /// A few lines for a terminal of so many columns.
+    pub fn text_within(&self, columns: usize) -> String {
+        let text = self.text();
+        text.lines().map(|line| wrapped(line, columns).join("\n  ") + "\n").collect()
     }
 
     /// A few lines for a terminal.

@@ -4,7 +4,7 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use serde::Serialize;
 
@@ -88,8 +88,8 @@ impl Suite {
             Suite::Choice => choice::run(options, &machine, progress)?,
         };
         machine.finish();
-        let Measured { settings, rows, summaries, charts } = measured;
-        Ok(Report { suite: self, machine, settings, rows, summaries, charts })
+        let Measured { settings, rows, summaries, charts, ended } = measured;
+        Ok(Report { suite: self, machine, settings, rows, summaries, charts, ended })
     }
 }
 
@@ -127,6 +127,11 @@ pub struct Options {
 }
 
 impl Options {
+    /// Whether a suite shall end after the row at hand.
+    fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+
     /// A suite's number: the user's, else one of two.
     fn or<T: Copy>(&self, wanted: Option<T>, usual: T, quick: T) -> T {
         wanted.unwrap_or(if self.quick { quick } else { usual })
@@ -186,6 +191,21 @@ struct Measured {
     rows: Table,
     summaries: Vec<Table>,
     charts: Vec<(String, Chart)>,
+    /// Why rows are missing, where an error ended it.
+    ended: Option<String>,
+}
+
+/// What a part of a suite gave. An error ends the suite with the rows that there are; it is the suite's own where there
+/// are none.
+fn or_end<T>(part: Result<T>, has_rows: bool, ended: &mut Option<String>) -> Result<Option<T>> {
+    match part {
+        Ok(part) => Ok(Some(part)),
+        Err(error) if has_rows => {
+            *ended = Some(error.to_string());
+            Ok(None)
+        }
+        Err(error) => Err(error),
+    }
 }
 
 /// A finished suite.
@@ -204,15 +224,17 @@ pub struct Report {
     /// Curves, under their files' names.
     #[serde(skip)]
     pub charts: Vec<(String, Chart)>,
+    /// Why rows are missing, where an error ended it.
+    pub ended: Option<String>,
 }
 
 impl Report {
-    /// The report as text, for a terminal.
-    pub fn text(&self) -> String {
+    /// The report as text, for a terminal of so many columns.
+    pub fn text(&self, columns: usize) -> String {
         let tables: Vec<&Table> =
             if self.summaries.is_empty() { vec![&self.rows] } else { self.summaries.iter().collect() };
-        let tables: String = tables.iter().map(|table| format!("\n{}", table.text())).collect();
-        self.machine.text() + &tables
+        let tables: String = tables.iter().map(|table| format!("\n{}", table.text_within(columns))).collect();
+        self.machine.text_within(columns) + &tables
     }
 
     /// Writes the rows as CSV.

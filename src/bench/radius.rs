@@ -3,7 +3,7 @@
 use super::plot::{Chart, Curve, Look};
 use super::reference::reference;
 use super::table::{Table, Value};
-use super::{Measured, Options, Progress, Steps};
+use super::{Measured, Options, Progress, Steps, or_end};
 use crate::error::{Error, Result};
 use crate::film::Image;
 use crate::film::metrics::{self, measure};
@@ -62,9 +62,14 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Meas
         y: "RMSE, radiance".into(),
         curves: Vec::new(),
     };
-    for (scene, reference) in options.scenes.iter().zip(&references) {
+    let mut ended = None;
+    'all: for (scene, reference) in options.scenes.iter().zip(&references) {
         for paths in &plan.paths {
-            let points = curve(&mut pipeline, scene, reference, *paths, &plan, &mut steps)?;
+            if options.is_stopped() {
+                break 'all;
+            }
+            let points = curve(&mut pipeline, scene, reference, *paths, &plan, &mut steps);
+            let Some(points) = or_end(points, !rows.is_empty(), &mut ended)? else { break 'all };
             let best = points.iter().min_by(|a, b| a.rmse.total_cmp(&b.rmse)).expect("there are factors");
             let auto = points.iter().find(|p| p.factor == 1.0).expect("1 is among the factors");
             chart.curves.push(Curve {
@@ -92,7 +97,7 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Meas
         }
     }
     let settings = serde_json::to_value(&plan).map_err(|e| Error::Failed(format!("JSON: {e}")))?;
-    Ok(Measured { settings, rows, summaries: vec![summary], charts: vec![("radius".into(), chart)] })
+    Ok(Measured { settings, rows, summaries: vec![summary], charts: vec![("radius".into(), chart)], ended })
 }
 
 /// The first backend that is there, of those wanted.

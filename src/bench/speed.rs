@@ -2,7 +2,7 @@
 
 use super::table::{Table, Value};
 use super::timing::{Samples, in_turn};
-use super::{Measured, Options, Progress, Steps};
+use super::{Measured, Options, Progress, Steps, or_end};
 use crate::error::{Error, Result};
 use crate::pipeline::{Machine, Pipeline};
 use crate::scene::Scene;
@@ -77,12 +77,17 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Meas
     ]);
     let mut pictures = pictures_table(&plan);
     let mut stages = Table::new(["scene", "stage", "backend", "ms", "M/s"]);
-    for scene in &options.scenes {
-        for measure in measure_pictures(scene, &plan, &mut subjects, &mut steps)? {
+    let mut ended = None;
+    for scene in options.scenes.iter().take_while(|_| !options.is_stopped()) {
+        let pictures_of_scene = measure_pictures(scene, options, &plan, &mut subjects, &mut steps);
+        let Some(measured) = or_end(pictures_of_scene, !rows.is_empty(), &mut ended)? else { break };
+        for measure in measured {
             measure.add_to(&mut rows, scene);
             pictures.push(measure.side_by_side(scene, &plan));
         }
-        for measure in measure_stages(scene, &plan, &mut subjects, &mut steps)? {
+        let stages_of_scene = measure_stages(scene, options, &plan, &mut subjects, &mut steps);
+        let Some(measured) = or_end(stages_of_scene, !rows.is_empty(), &mut ended)? else { break };
+        for measure in measured {
             measure.add_to(&mut rows, scene);
             for (name, samples) in &measure.samples {
                 let (ms, rate) = (samples.median(), measure.rate(samples).map(|rate| rate * 1e-6));
@@ -92,7 +97,7 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Meas
         }
     }
     let settings = serde_json::to_value(&plan).map_err(|e| Error::Failed(format!("JSON: {e}")))?;
-    Ok(Measured { settings, rows, summaries: vec![pictures, stages], charts: Vec::new() })
+    Ok(Measured { settings, rows, summaries: vec![pictures, stages], charts: Vec::new(), ended })
 }
 
 /// The backends that are there, and plain kernels where OpenCL's have several lanes.
@@ -116,7 +121,13 @@ fn open(options: &Options, steps: &mut Steps) -> Result<Vec<Subject>> {
 }
 
 /// Trace alone, then trace and gather.
-fn measure_pictures(scene: &Scene, plan: &Plan, subjects: &mut [Subject], steps: &mut Steps) -> Result<Vec<Measure>> {
+fn measure_pictures(
+    scene: &Scene,
+    options: &Options,
+    plan: &Plan,
+    subjects: &mut [Subject],
+    steps: &mut Steps,
+) -> Result<Vec<Measure>> {
     let direct = Settings { light: LightMode::Direct, ..settings(plan.size) };
     let mut measures = vec![(Measure::new("direct", None, None), direct)];
     for stored in &plan.stored {
@@ -127,22 +138,32 @@ fn measure_pictures(scene: &Scene, plan: &Plan, subjects: &mut [Subject], steps:
             measures.push((Measure::new("gather", Some(*stored), Some(*radius)), gathering));
         }
     }
-    for (measure, settings) in &mut measures {
+    for (measure, settings) in measures.iter_mut().take_while(|_| !options.is_stopped()) {
         steps.begin(&format!("{}: {}", scene.name, measure.label()));
         let samples = in_turn(subjects, plan.rounds, |subject, _| subject.pipeline.retrace(scene, settings))?;
         measure.samples = subjects.iter().map(|s| s.name).zip(samples).collect();
     }
-    Ok(measures.into_iter().map(|(measure, _)| measure).collect())
+    // Those before it was stopped.
+    Ok(measures.into_iter().map(|(measure, _)| measure).filter(|measure| !measure.samples.is_empty()).collect())
 }
 
 /// Emission, grid, upload; of a small picture, so that tracing takes no time.
-fn measure_stages(scene: &Scene, plan: &Plan, subjects: &mut [Subject], steps: &mut Steps) -> Result<Vec<Measure>> {
+fn measure_stages(
+    scene: &Scene,
+    options: &Options,
+    plan: &Plan,
+    subjects: &mut [Subject],
+    steps: &mut Steps,
+) -> Result<Vec<Measure>> {
     let (radius, mut base) = (plan.radii[0], settings([32, 24]));
     base.gather.radius = Some(radius);
     // OpenGL's photons come from the OpenCL device: once is enough.
     let opencl = subjects.iter().any(|s| s.pipeline.backend == Backend::OpenCl);
     let has_own_photons = |s: &Subject| !(opencl && s.pipeline.backend == Backend::OpenGl);
     let mut measures = Vec::new();
+    if options.is_stopped() {
+        return Ok(measures);
+    }
 
     let mut emission = Measure::new("emission", Some(plan.paths), None);
     steps.begin(&format!("{}: {}", scene.name, emission.label()));
@@ -156,7 +177,7 @@ fn measure_stages(scene: &Scene, plan: &Plan, subjects: &mut [Subject], steps: &
     emission.samples = emitting.iter().map(|s| s.name).zip(samples).collect();
     measures.push(emission);
 
-    for stored in plan.stored.iter().copied().chain([plan.large_map]) {
+    for stored in plan.stored.iter().copied().chain([plan.large_map]).take_while(|_| !options.is_stopped()) {
         let (mut grid, mut upload) =
             (Measure::new("grid", Some(stored), Some(radius)), Measure::new("upload", Some(stored), None));
         steps.begin(&format!("{}: {}", scene.name, grid.label()));

@@ -182,21 +182,47 @@ impl Table {
 
     /// For a terminal: aligned, numbers to the right, ends with a newline.
     pub fn text(&self) -> String {
+        self.text_within(usize::MAX)
+    }
+
+    /// As [`Table::text`], in lines of so many columns at most: where a row has more, its texts go on below, at words. What
+    /// cannot be narrower than a terminal is as narrow as it can be.
+    pub fn text_within(&self, columns: usize) -> String {
         let cells: Vec<Vec<String>> = self.rows.iter().map(|row| row.iter().map(Value::shown).collect()).collect();
-        let width = |column: usize| {
-            let widest = cells.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
-            widest.max(self.columns[column].chars().count())
-        };
-        let widths: Vec<usize> = (0..self.columns.len()).map(width).collect();
+        let all = || std::iter::once(&self.columns).chain(&cells);
         let is_text = |column: usize| self.rows.iter().any(|row| matches!(row[column], Value::Text(_)));
+        let mut widths: Vec<usize> = (0..self.columns.len())
+            .map(|column| all().map(|row| row[column].chars().count()).max().unwrap_or(0))
+            .collect();
+        // Narrowest that a column may be: numbers stay whole, texts are wrapped at their words.
+        let least: Vec<usize> = (0..self.columns.len())
+            .map(|column| {
+                let words = all().flat_map(|row| row[column].split(' ')).map(|word| word.chars().count());
+                if is_text(column) { words.max().unwrap_or(0) } else { widths[column] }
+            })
+            .collect();
+        let gaps = 2 * self.columns.len().saturating_sub(1);
+        while widths.iter().sum::<usize>().saturating_add(gaps) > columns {
+            let shrinkable = (0..widths.len()).filter(|column| widths[*column] > least[*column]);
+            match shrinkable.max_by_key(|column| widths[*column]) {
+                Some(widest) => widths[widest] -= 1,
+                None => break,
+            }
+        }
         let line = |cells: &[String]| {
-            let padded = cells.iter().enumerate().map(|(column, cell)| match is_text(column) {
-                true => format!("{cell:<width$}", width = widths[column]),
-                false => format!("{cell:>width$}", width = widths[column]),
+            let wrapped: Vec<Vec<String>> =
+                cells.iter().zip(&widths).map(|(cell, width)| wrapped(cell, *width)).collect();
+            let height = wrapped.iter().map(Vec::len).max().unwrap_or(0);
+            let lines = (0..height).map(|i| {
+                let padded = wrapped.iter().enumerate().map(|(column, lines)| {
+                    let (cell, width) = (lines.get(i).map_or("", String::as_str), widths[column]);
+                    if is_text(column) { format!("{cell:<width$}") } else { format!("{cell:>width$}") }
+                });
+                padded.collect::<Vec<_>>().join("  ").trim_end().to_string() + "\n"
             });
-            padded.collect::<Vec<_>>().join("  ").trim_end().to_string() + "\n"
+            lines.collect::<String>()
         };
-        line(&self.columns) + &cells.iter().map(|row| line(row)).collect::<String>()
+        all().map(|row| line(row)).collect()
     }
 
     /// For spreadsheets and plots: RFC 4180 with a line of names, empty where nothing was measured.
@@ -205,6 +231,21 @@ impl Table {
         let names = line(self.columns.iter().map(|name| Value::from(name.as_str()).csv()).collect());
         names + &self.rows.iter().map(|row| line(row.iter().map(Value::csv).collect())).collect::<String>()
     }
+}
+
+/// A text in lines of so many characters, broken at spaces; a longer word has a line of its own.
+pub(super) fn wrapped(text: &str, width: usize) -> Vec<String> {
+    if text.chars().count() <= width {
+        return vec![text.to_string()];
+    }
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split(' ') {
+        match lines.last_mut().filter(|line| line.chars().count() + 1 + word.chars().count() <= width) {
+            Some(line) => *line = format!("{line} {word}"),
+            None => lines.push(word.to_string()),
+        }
+    }
+    lines
 }
 
 /// A row under its columns' names, which keep their order.
@@ -245,6 +286,15 @@ mod tests {
         let json = serde_json::to_string(&table).unwrap();
         assert_eq!(json, r#"[{"scene":"a,\"b\"","ms":12.34567,"auto":true},{"scene":"c","ms":null,"auto":false}]"#);
         assert_eq!(table.at(0, "ms").number(), Some(12.34567));
+    }
+
+    #[test]
+    fn wide_rows_go_on_below_at_words() {
+        let mut table = Table::new(["case", "n"]);
+        table.push(["a ray that grazes a sphere".into(), 12_345u64.into()]);
+        assert_eq!(table.text_within(80), table.text());
+        assert_eq!(table.text_within(20), "case               n\na ray that     12345\ngrazes a\nsphere\n");
+        assert!(table.text_within(1).lines().all(|line| line.len() <= 13), "as narrow as words and numbers let it");
     }
 
     #[test]

@@ -1,15 +1,12 @@
 //! `photile bench`: suites of measurements; tables on stdout, JSON, CSV.
 
-use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use clap::ValueEnum;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use super::options::{Size, choice, parse_count, parse_radius};
-use super::{print_json, stop_on_interrupt};
+use super::options::{Size, choice, parse_count, parse_device, parse_radius};
+use super::{output, print_json, rescue, stop_on_signal};
 use crate::bench::{Options, Progress, Suite, make_directory, scenes};
 use crate::error::{Error, Result};
 use crate::film::check_directory;
@@ -27,8 +24,8 @@ pub struct Args {
     /// Which backends to measure, such as opengl,opencl; where one is enough, the first that works
     #[arg(long, value_parser = choice::<Backend>(), value_delimiter = ',', default_values = Backend::ALL.map(Backend::name))]
     backends: Vec<Backend>,
-    /// Part of the name of the OpenCL device to use
-    #[arg(long, value_name = "SUBSTRING")]
+    /// OpenCL device to use: its number as doctor counts them, such as #2 or 2, or part of its name
+    #[arg(long, value_name = "DEVICE", value_parser = parse_device)]
     device: Option<String>,
     /// Threads of the CPU backend
     #[arg(long, value_name = "T", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1024))]
@@ -118,11 +115,7 @@ pub fn run(args: &Args) -> Result<()> {
         peers: args.peers.clone(),
         quick: args.quick,
         directory: args.output.clone(),
-        stop: if matches!(suite, Suite::Report | Suite::Error | Suite::Choice) {
-            stop_on_interrupt("row")
-        } else {
-            Arc::default()
-        },
+        stop: stop_on_signal("row"),
     };
     // What cannot be written should be known before minutes are spent.
     if let Some(csv) = &args.csv {
@@ -133,7 +126,7 @@ pub fn run(args: &Args) -> Result<()> {
         check_directory(&directory.join(format!("{}.csv", suite.name())))?;
     }
 
-    let bar = progress_bar();
+    let bar = output::bar(Some(1), "{bar:40} {pos}/{len} {msg}, {elapsed} (left {left})");
     let report = suite.run(&options, &mut |progress: Progress| {
         if progress.is_notice {
             bar.suspend(|| super::notice(progress.what));
@@ -148,21 +141,25 @@ pub fn run(args: &Args) -> Result<()> {
     if args.json {
         print_json(&report);
     } else {
-        print!("{}", report.text());
+        output::print(report.text(output::columns()));
     }
-    if let Some(csv) = &args.csv {
-        report.write_csv(csv)?;
-    }
-    if let Some(directory) = &args.output {
-        for path in report.write_to(directory)? {
-            super::notice(&format!("wrote {}", path.display()));
+    let csv = args.csv.as_ref().map_or(Ok(()), |csv| rescue::written_somewhere(csv, |path| report.write_csv(path)));
+    let files = match args.output.as_ref().map(|directory| report.write_to(directory)).transpose() {
+        Ok(written) => {
+            for path in written.unwrap_or_default() {
+                super::notice(&format!("wrote {}", path.display()));
+            }
+            Ok(())
         }
-    }
-    match options.stop.load(Ordering::Relaxed) {
-        // Not what was asked for: a script must not take it for that.
+        Err(error) => Err(error),
+    };
+    // Not what was asked for: a script must not take it for that.
+    let ended = report.ended.as_ref().map_or(Ok(()), |why| Err(Error::Failed(why.clone())));
+    let stopped = match options.stop.load(Ordering::Relaxed) {
         true => Err(Error::Failed("interrupted; the same command goes on where -o has saved its rows".into())),
         false => Ok(()),
-    }
+    };
+    output::all([csv, files, ended.and(stopped)])
 }
 
 /// A scene file, or the built-in scene of that name where there is no such file.
@@ -176,15 +173,4 @@ fn load(name: &str) -> Result<Scene> {
             scenes::names().collect::<Vec<_>>().join(", ")
         ))),
     }
-}
-
-/// Steps on stderr; hidden where stderr is not a terminal.
-fn progress_bar() -> ProgressBar {
-    let target =
-        if std::io::stderr().is_terminal() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
-    let bar = ProgressBar::with_draw_target(Some(1), target);
-    if let Ok(style) = ProgressStyle::with_template("{bar:40} {pos}/{len} {msg}, {elapsed} (left {eta})") {
-        bar.set_style(style);
-    }
-    bar
 }

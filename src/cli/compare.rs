@@ -98,7 +98,7 @@ fn compare_files(args: &Args, reference: &Path) -> Result<()> {
     if args.json {
         print_json(&found);
     } else {
-        println!(
+        say!(
             "RMSE {:.3e}  relMSE {:.3e}  MAE {:.3e}  max {:.3e}  SMAPE {:.3e}  PSNR {:.1} dB  {} of {} pixels over",
             found.rmse,
             found.rel_mse,
@@ -136,7 +136,8 @@ fn compare_backends(args: &Args) -> Result<()> {
         gathers.push((settings.clone(), String::new()));
     }
     for backend in args.backends.iter().copied() {
-        match Pipeline::open(&args.options.machine(Some(backend)), notice) {
+        let size = [settings.width, settings.height];
+        match Pipeline::open_for(&args.options.machine(Some(backend)), size, notice) {
             Ok(mut pipeline) => {
                 for (settings, gather) in &gathers {
                     let (image, trace_ms) = timed(&mut pipeline, &scene, settings, args.repeat)?;
@@ -233,14 +234,22 @@ fn mean(image: &Image) -> f64 {
 fn print(report: &Report) {
     for side in &report.sides {
         let device = side.devices.opengl.as_ref().or(side.devices.opencl.as_ref());
-        println!("{:<13} {:>9.2} ms  {}", side.name, side.trace_ms, device.map_or("", String::as_str));
+        say!("{:<13} {:>9.2} ms  {}", side.name, side.trace_ms, device.map_or("", String::as_str));
     }
-    println!(
+    say!(
         "{:<26} {:>10} {:>10} {:>10} {:>10} {:>6} {:>6} {:>10} {:>8}",
-        "pair", "max", "RMSE", "RMSE/mean", "relMSE", "over", "flips", "max, all", "time"
+        "pair",
+        "max",
+        "RMSE",
+        "RMSE/mean",
+        "relMSE",
+        "over",
+        "flips",
+        "max, all",
+        "time"
     );
     for p in &report.pairs {
-        println!(
+        say!(
             "{:<26} {:>10.2e} {:>10.2e} {:>10.2e} {:>10.2e} {:>6} {:>6} {:>10.2e} {:>7.2}x",
             format!("{} : {}", p.a, p.b),
             p.max_abs,

@@ -38,9 +38,9 @@ pub fn run(args: &Args) -> Result<()> {
     }
     for Finding { api, route, device, version, works, detail } in &findings {
         let verdict = if *works { "works" } else { "FAILS" };
-        println!("{api:<7} {verdict}  {route}: {device} ({version})");
+        say!("{api:<7} {verdict}  {route}: {device} ({version})");
         for line in detail.lines() {
-            println!("        {line}");
+            say!("        {line}");
         }
     }
     Ok(())
@@ -81,7 +81,7 @@ fn opencl() -> Vec<Finding> {
         );
         Finding {
             api: "OpenCL",
-            route: device.platform,
+            route: format!("#{} of {}", device.number + 1, device.platform),
             device: device.name,
             version: device.version,
             works: ran.is_ok(),

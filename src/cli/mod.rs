@@ -1,5 +1,8 @@
 //! The command line: a file a command. Argument types hold syntax only; policy lives below.
 
+#[macro_use]
+mod output;
+
 mod batches;
 mod bench;
 mod compare;
@@ -9,15 +12,20 @@ mod passes;
 mod plan;
 mod reference;
 mod render;
+mod rescue;
+mod signals;
 mod stress;
 mod validate;
 mod view;
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
+use output::{notice, print_json};
+use signals::stop_on_signal;
+
+use crate::device::cl::{self, caches};
 use crate::error::Result;
 
 /// Photon mapping with OpenCL photons and OpenGL gathering; the same in OpenCL alone and on the CPU.
@@ -39,15 +47,35 @@ enum Command {
     Reference(reference::Args),
     Plan(plan::Args),
     Doctor(doctor::Args),
+    /// What a child does for [`cl::probing`].
+    #[command(name = cl::probing::COMMAND, hide = true)]
+    ProbeOpencl(cl::probing::Args),
 }
 
-/// Reads the command line and does what it says. Wrong usage ends the process with exit code 2, as clap does.
-///
-/// # Errors
-/// Whatever the command meets; [`crate::error::Error::exit_code`] says how the process should end.
-pub fn run() -> Result<()> {
+/// Reads the command line and does what it says. The exit code: 0 done, 1 failed, 2 wrong usage or bad input.
+pub fn run() -> ExitCode {
     let started = std::time::Instant::now();
-    match Cli::parse().command {
+    output::begin();
+    let command = match Cli::try_parse() {
+        Ok(cli) => cli.command,
+        Err(usage) => return ExitCode::from(output::end_with(output::print_usage(&usage))),
+    };
+    if let Command::ProbeOpencl(args) = &command {
+        cl::probing::answer(args);
+        return ExitCode::SUCCESS;
+    }
+    // Before there is any other thread, and any driver that reads it.
+    if let Some(line) = caches::prepare() {
+        notice(&line);
+    }
+    cl::aborts::outlive();
+    cl::probing::enable();
+    signals::listen();
+    output::end(execute(command, started))
+}
+
+fn execute(command: Command, started: std::time::Instant) -> Result<()> {
+    match command {
         Command::Render(args) => render::run(&args),
         Command::View(args) => view::run(&args, started),
         Command::Compare(args) => compare::run(&args),
@@ -57,31 +85,6 @@ pub fn run() -> Result<()> {
         Command::Reference(args) => reference::run(&args),
         Command::Plan(args) => plan::run(&args),
         Command::Doctor(args) => doctor::run(&args),
+        Command::ProbeOpencl(_) => Ok(()), // answered above
     }
-}
-
-/// Prints one JSON object on stdout.
-fn print_json(value: &impl serde::Serialize) {
-    println!("{}", serde_json::to_string_pretty(value).expect("records of numbers and strings always serialise"));
-}
-
-/// A line for the user on stderr.
-fn notice(line: &str) {
-    eprintln!("photile: {line}");
-}
-
-/// A flag that the first Ctrl-C sets, for work that stops after the `part` at hand; the second one ends the program.
-fn stop_on_interrupt(part: &'static str) -> Arc<AtomicBool> {
-    let flag = Arc::new(AtomicBool::new(false));
-    let seen = flag.clone();
-    let installed = ctrlc::set_handler(move || {
-        if seen.swap(true, Ordering::Relaxed) {
-            std::process::exit(130); // 128 + SIGINT, as a shell reports it
-        }
-        notice(&format!("stopping after this {part}; Ctrl-C again ends at once"));
-    });
-    if let Err(e) = installed {
-        notice(&format!("Ctrl-C will not save what is done: {e}"));
-    }
-    flag
 }

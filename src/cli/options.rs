@@ -64,8 +64,8 @@ pub struct RenderOptions {
     /// Threads of the CPU backend
     #[arg(long, value_name = "T", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: u16,
-    /// Part of the name of the OpenCL device to use
-    #[arg(long, value_name = "SUBSTRING")]
+    /// OpenCL device to use: its number as doctor counts them, such as #2 or 2, or part of its name
+    #[arg(long, value_name = "DEVICE", value_parser = parse_device)]
     pub device: Option<String>,
 }
 
@@ -93,7 +93,7 @@ impl FromStr for Size {
     fn from_str(text: &str) -> std::result::Result<Self, String> {
         let expected =
             || format!("found '{text}', expected WIDTHxHEIGHT with sides from 1 to {MAX_SIDE}, such as 640x480");
-        let (width, height) = text.split_once(['x', '×']).ok_or_else(expected)?;
+        let (width, height) = text.split_once(['x', 'X', '×']).ok_or_else(expected)?;
         match (width.parse(), height.parse()) {
             (Ok(width @ 1..=MAX_SIDE), Ok(height @ 1..=MAX_SIDE)) => Ok(Size { width, height }),
             _ => Err(expected()),
@@ -114,6 +114,14 @@ pub fn parse_count(text: &str) -> std::result::Result<u32, String> {
         Ok(count as u32)
     } else {
         Err(expected())
+    }
+}
+
+/// Part of a device's name, or its number: nothing is part of every name, and means none of them.
+pub fn parse_device(text: &str) -> std::result::Result<String, String> {
+    match text.trim() {
+        "" => Err("found nothing, expected a device's number, such as #2, or part of its name".into()),
+        wanted => Ok(wanted.to_string()),
     }
 }
 
@@ -138,7 +146,7 @@ fn parse_grid(text: &str) -> std::result::Result<GridArg, String> {
     if let Some(form) = GridForm::named(text) {
         return Ok(GridArg::Form(form));
     }
-    let numbers: Vec<u32> = text.split(['x', '×']).filter_map(|n| n.parse().ok().filter(|n| *n > 0)).collect();
+    let numbers: Vec<u32> = text.split(['x', 'X', '×']).filter_map(|n| n.parse().ok().filter(|n| *n > 0)).collect();
     let cells = <[u32; 3]>::try_from(numbers);
     cells.map(GridArg::Cells).map_err(|_| {
         let forms: Vec<_> = GridForm::offered().map(|row| row.name).collect();
@@ -238,7 +246,11 @@ mod tests {
 
     #[test]
     fn sizes_are_read_or_refused() {
-        assert_eq!("640x480".parse(), Ok(Size { width: 640, height: 480 }));
+        for good in ["640x480", "640X480", "640×480"] {
+            assert_eq!(good.parse(), Ok(Size { width: 640, height: 480 }), "{good}");
+        }
+        assert_eq!(parse_grid("60X40X40"), parse_grid("60x40x40"));
+        assert!(parse_device("").is_err() && parse_device(" ").is_err());
         for bad in ["", "640", "0x480", "640x0", "640x-1", "40000x10", "axb", "640x480x3"] {
             let error = bad.parse::<Size>().unwrap_err();
             assert!(error.contains("expected WIDTHxHEIGHT"), "{bad}: {error}");

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::options::RenderOptions;
-use super::print_json;
+use super::{output, print_json};
 use crate::device::memory;
 use crate::error::{Error, Result};
 use crate::pipeline::class_of;
@@ -198,7 +198,7 @@ fn print_source(unit: &str, lanes: u32, features: &Features) -> Result<()> {
     if ![1, 4, 8, 16].contains(&lanes) {
         return Err(Error::Usage(format!("found --lanes {lanes}, expected 1, 4, 8 or 16")));
     }
-    print!("{}", assemble(unit, Some(features), &Options { lanes, ..Options::default() }).text);
+    output::print(assemble(unit, Some(features), &Options { lanes, ..Options::default() }).text);
     Ok(())
 }
 
@@ -231,21 +231,22 @@ fn report(options: &RenderOptions, scene: &Scene, settings: &Settings, chosen: O
 
 impl Report {
     fn print(&self) {
-        println!("scene {}: {}", self.scene, self.permutation.join(" "));
+        say!("scene {}: {}", self.scene, self.permutation.join(" "));
         for reason in self.stages.iter().chain(&self.features) {
-            println!("  {} {:<20} {}", if reason.used { "used   " } else { "skipped" }, reason.feature, reason.why);
+            say!("  {} {:<20} {}", if reason.used { "used   " } else { "skipped" }, reason.feature, reason.why);
         }
-        println!("uploads");
+        say!("uploads");
         for Table { table, records, texels, texture, bytes } in &self.uploads {
-            println!(
+            say!(
                 "  {table:<8} {records:>8} records {texels:>8} texels {bytes:>10} bytes, texture {} × {}",
-                texture[0], texture[1]
+                texture[0],
+                texture[1]
             );
         }
-        println!("  {} bytes in all", self.bytes);
+        say!("  {} bytes in all", self.bytes);
         if let Some(memory) = &self.memory {
             let megabytes = |bytes: usize| bytes as f64 / 1e6;
-            println!(
+            say!(
                 "memory: {} photons take at most {:.1} MB in OpenCL, sorting included, and {:.1} MB in OpenGL's textures",
                 memory.photons,
                 megabytes(memory.opencl_bytes),
@@ -254,16 +255,16 @@ impl Report {
         }
         match &self.gather {
             Some(gather) => gather.print(),
-            None => println!("gather: skipped, no photons"),
+            None => say!("gather: skipped, no photons"),
         }
     }
 }
 
 impl Gathering {
     fn print(&self) {
-        println!("gather {} photons with R = {:.4} m", self.stored, self.radius);
+        say!("gather {} photons with R = {:.4} m", self.stored, self.radius);
         let here: Vec<_> = self.here.iter().map(|(backend, class)| format!("{backend} is {class}")).collect();
-        println!("  here {}", here.join(", "));
+        say!("  here {}", here.join(", "));
         for (class, estimates) in [
             (Class::OpenGlGpu, &self.opengl),
             (Class::OpenGlSoftware, &self.opengl_software),
@@ -287,7 +288,7 @@ fn print_estimates(class: Class, estimates: &[Estimate]) {
         }
         let size = tile.map(|[w, h]| format!(" {w}x{h}")).unwrap_or_default();
         let (dearest, share) = estimate.dearest(class);
-        println!(
+        say!(
             "  {} {:<15} {:<17} {candidates:>9.1} candidates a pixel, {entries:>10.0} entries, {:>6.2} x the cost, \
              {:.0}% {dearest}",
             if rank == 0 { "used   " } else { "skipped" },

@@ -1,6 +1,5 @@
 //! `photile reference SCENE`: an f64 reference image with its standard error, resumable.
 
-use std::io::IsTerminal as _;
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -8,12 +7,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::ProgressBar;
 
 use super::options::{Size, parse_seconds};
-use super::{notice, print_json, stop_on_interrupt};
+use super::{notice, output, print_json, rescue, stop_on_signal};
 use crate::error::{Error, Result};
-use crate::film::{Format, check_directory, check_output};
+use crate::film::{Format, check_directory, check_distinct, check_output};
 use crate::reference::{self, Accumulator, Progress, Reference, ReferenceLight, ReferenceSettings};
 use crate::scene::{self, Scene};
 
@@ -104,50 +103,49 @@ pub fn run(args: &Args) -> Result<()> {
     if let Some(path) = &args.checkpoint {
         check_directory(path)?;
     }
+    check_distinct(&[("-o", Some(&output)), ("--checkpoint", args.checkpoint.as_deref())])?;
     let settings = settings(args, &scene);
     let from = begin(args, &scene, &settings)?;
     let mut watch = Watch::new(args, &settings);
     let (width, height) = settings.size;
     notice(&format!("rendering {width}x{height} pixels of {}; Ctrl-C saves what is done", scene.name));
-    let (rendered, save_error) = watch.render(&scene, &settings, from);
+    let rendered = watch.render(&scene, &settings, from);
     let unfinished = watch.unfinished.take();
-    if let Some(error) = save_error {
-        return Err(error);
-    }
 
-    // Sums first: they are what cannot be had again at once.
+    // Sums first: they are what cannot be had again at once. Their disk may be full, and the image's not.
     let checkpoint = args.checkpoint.clone().or(unfinished.is_some().then(|| output.with_extension("checkpoint")));
-    if let (Some(path), Some(sums)) =
-        (&checkpoint, unfinished.as_ref().or(rendered.as_ref().ok().map(|image| &image.accumulator)))
-    {
-        sums.save(path)?;
-    }
+    let sums = unfinished.as_ref().or(rendered.as_ref().ok().map(|image| &image.accumulator));
+    let saved = match (&checkpoint, sums) {
+        (Some(path), Some(sums)) if watch.added => rescue::written_somewhere(path, |path| sums.save(path)),
+        _ => Ok(()),
+    };
     let go_on = checkpoint.as_ref().map(|path| format!("go on with --checkpoint {}", path.display()));
     let image = match (&unfinished, rendered) {
         (Some(sums), Err(_)) => {
-            return Err(Error::Failed(format!(
+            return saved.and(Err(Error::Failed(format!(
                 "interrupted after {} samples a pixel; an image needs {}; {}",
                 sums.passes(),
                 reference::REPLICATES,
                 go_on.unwrap_or_default()
-            )));
+            ))));
         }
         (_, rendered) => rendered?,
     };
     let spp = image.accumulator.passes();
-    write(args, &scene, &image, &output)?;
-    let seconds = watch.began.elapsed().as_secs_f64();
-    let noise = 100.0 * image.relative_noise();
-    notice(&format!("{}: {spp} samples a pixel in {seconds:.1} s, noise {noise:.2}%", output.display()));
+    let written = write(args, &scene, &image, &output);
+    let (seconds, noise) = (watch.began.elapsed().as_secs_f64(), 100.0 * image.relative_noise());
+    let what = if written.is_ok() { output.display().to_string() } else { "rendered".into() };
+    notice(&format!("{what}: {spp} samples a pixel in {seconds:.1} s, noise {noise:.2}%"));
     if args.json {
         let interrupted = unfinished.is_some();
         print_json(&report(args, &scene, &image, Ending { seconds, interrupted, output, checkpoint }));
     }
     // Not what was asked for: a script must not take it for that.
-    match (unfinished, go_on) {
+    let ended = match (unfinished, go_on) {
         (Some(_), Some(go_on)) => Err(Error::Failed(format!("interrupted after {spp} samples a pixel; {go_on}"))),
         _ => Ok(()),
-    }
+    };
+    output::all([written, saved, ended])
 }
 
 /// The sums to go on from: those of the checkpoint, where there is one.
@@ -167,7 +165,7 @@ fn begin(args: &Args, scene: &Scene, settings: &ReferenceSettings) -> Result<Acc
     Ok(found)
 }
 
-/// Writes the image with its errors and its provenance.
+/// Writes the image with its errors and its provenance, elsewhere if need be.
 fn write(args: &Args, scene: &Scene, image: &Reference, output: &Path) -> Result<()> {
     let note = |name: &str, value: String| (name.to_string(), value);
     let provenance = [
@@ -177,7 +175,7 @@ fn write(args: &Args, scene: &Scene, image: &Reference, output: &Path) -> Result
         note("samples", image.accumulator.passes().to_string()),
         note("seed", args.seed.to_string()),
     ];
-    image.write_exr(output, &provenance)
+    rescue::written_somewhere(output, |path| image.write_exr(path, &provenance))
 }
 
 /// How a run ended.
@@ -231,6 +229,8 @@ struct Watch<'a> {
     told: Instant,
     /// What was done when Ctrl-C stopped it.
     unfinished: Option<Accumulator>,
+    /// There is more than the checkpoint has.
+    added: bool,
 }
 
 impl<'a> Watch<'a> {
@@ -239,28 +239,23 @@ impl<'a> Watch<'a> {
         Self {
             checkpoint: args.checkpoint.as_deref(),
             bar: progress_bar(settings),
-            interrupted: stop_on_interrupt("sample of all pixels"),
+            interrupted: stop_on_signal("sample of all pixels"),
             began: now,
             saved: now,
             told: now,
             unfinished: None,
+            added: false,
         }
     }
 
-    /// The image, and what a checkpoint's writing met: that alone stops it too.
-    fn render(
-        &mut self,
-        scene: &Scene,
-        settings: &ReferenceSettings,
-        from: Accumulator,
-    ) -> (Result<Reference>, Option<Error>) {
-        let mut save_error = None;
+    /// The image. A checkpoint that cannot be written now may be in a minute, or at the end.
+    fn render(&mut self, scene: &Scene, settings: &ReferenceSettings, from: Accumulator) -> Result<Reference> {
         let rendered = reference::resume(scene, settings, from, &mut |progress| {
+            self.added = true;
             self.tell(settings, progress);
             if let Some(path) = self.checkpoint.filter(|_| self.saved.elapsed() >= SAVE_EVERY) {
                 if let Err(error) = progress.accumulator.save(path) {
-                    save_error = Some(error);
-                    return ControlFlow::Break(());
+                    self.bar.suspend(|| notice(&format!("warning: {error}")));
                 }
                 self.saved = Instant::now();
             }
@@ -272,7 +267,7 @@ impl<'a> Watch<'a> {
             ControlFlow::Continue(())
         });
         self.bar.finish_and_clear();
-        (rendered, save_error)
+        rendered
     }
 
     /// On a terminal the bar; elsewhere, as in a log, a line now and then.
@@ -310,13 +305,7 @@ fn progress_bar(settings: &ReferenceSettings) -> ProgressBar {
         (Some(time), _) => time.as_millis() as u64,
         (None, spp) => spp.unwrap_or(0).next_multiple_of(reference::REPLICATES as u64),
     };
-    let target =
-        if std::io::stderr().is_terminal() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
-    let bar = ProgressBar::with_draw_target(Some(length), target);
-    if let Ok(style) = ProgressStyle::with_template("{bar:40} {percent}%, {elapsed} (left {eta}), {msg}") {
-        bar.set_style(style);
-    }
-    bar
+    output::bar(Some(length), "{bar:40} {percent}%, {elapsed} (left {left}), {msg}")
 }
 
 #[cfg(test)]

@@ -6,10 +6,10 @@ use serde::Serialize;
 
 use super::batches;
 use super::options::{RenderOptions, choice};
-use super::passes::{self, PassOptions, Passes};
-use super::{notice, print_json};
+use super::passes::{self, PassOptions, Passes, Unfinished};
+use super::{notice, print_json, rescue};
 use crate::error::{Error, Result};
-use crate::film::{SaveOptions, check_output};
+use crate::film::{SaveOptions, check_distinct, check_output};
 use crate::pipeline::change::Stage;
 use crate::pipeline::progressive;
 use crate::pipeline::{Devices, Pipeline, Times};
@@ -82,29 +82,31 @@ pub fn run(args: &Args) -> Result<()> {
     wish.settle(&scene, &mut asked.clone())?; // what contradicts itself is told before any driver is asked
     let output = args.output.clone().unwrap_or_else(|| PathBuf::from(format!("{}.png", scene.name)));
     check_output(&output)?;
+    check_distinct(&[("-o", Some(&output)), ("--checkpoint", args.passes.checkpoint.as_deref())])?;
     let exposure = args.exposure.or(scene.render.exposure.map(|ev| ev as f32)).unwrap_or(0.0);
     if !exposure.is_finite() {
         return Err(Error::Usage(format!("found --exposure {exposure}, expected a finite number")));
     }
 
-    let mut pipeline = Pipeline::open(&args.options.machine(args.backend), notice)?;
+    let machine = args.options.machine(args.backend);
+    let mut pipeline = Pipeline::open_for(&machine, [asked.width, asked.height], notice)?;
     let settings = settle(args, &scene, asked, wish, &pipeline)?;
     let picture = if args.passes.wanted(&scene) {
         passes::run(&mut pipeline, &scene, &settings, &args.passes)?
     } else {
         Passes::one(batches::render(&mut pipeline, &scene, &settings)?)
     };
-    let warnings = crate::plan::warnings::of(&scene, &settings, picture.last.radius);
+    let done = Done { scene: &scene, settings: &settings, pipeline: &pipeline, picture: &picture, output: &output };
+    let warnings = crate::plan::warnings::of(&scene, &settings, done.radius());
     for warning in &warnings {
         notice(&format!("warning: {warning}"));
     }
-    let done = Done { scene: &scene, settings: &settings, pipeline: &pipeline, picture: &picture, output: &output };
-    done.save(exposure)?;
-    done.tell();
+    let written = done.save(exposure);
+    done.tell(written.is_ok());
     if args.json {
         print_json(&done.report(warnings));
     }
-    done.end()
+    written.and(ended(picture, &output))
 }
 
 /// What the user left open is settled for the backend that was opened, and told.
@@ -113,9 +115,7 @@ fn settle(args: &Args, scene: &Scene, asked: Settings, wish: Wish, pipeline: &Pi
     Wish { on_gpu: pipeline.is_on_gpu(), ..wish }.settle(scene, &mut settings)?;
     let chosen_paths = args.options.choose_paths(scene, &mut settings)?;
     let chosen = if args.backend.is_some() { "asked for" } else { "the first that works" };
-    let device = pipeline.devices.opengl.as_ref().or(pipeline.devices.opencl.as_ref());
-    let device = device.map(|name| format!(" on {name}")).unwrap_or_default();
-    notice(&format!("rendering with {} ({chosen}){device}", pipeline.backend.name()));
+    notice(&format!("rendering with {} ({chosen}){}", pipeline.backend.name(), on_devices(&pipeline.devices)));
     if let Some(chosen) = chosen_paths {
         notice(&chosen);
     }
@@ -132,7 +132,12 @@ struct Done<'a> {
 }
 
 impl Done<'_> {
-    /// Writes the image, with its provenance and the estimate's channels.
+    /// The radius of the last pass, metres.
+    fn radius(&self) -> Option<f32> {
+        self.picture.last.as_ref().and_then(|last| last.radius)
+    }
+
+    /// Writes the image, with its provenance and the estimate's channels, elsewhere if need be.
     fn save(&self, exposure: f32) -> Result<()> {
         let note = |name: &str, value: String| (name.to_string(), value);
         let provenance = [
@@ -143,7 +148,8 @@ impl Done<'_> {
             note("seed", self.settings.seed.to_string()),
         ];
         let channels = self.picture.estimate.as_ref().map(progressive::channels).unwrap_or_default();
-        self.picture.image.save(self.output, &SaveOptions { exposure, settings: &provenance, channels: &channels })
+        let options = SaveOptions { exposure, settings: &provenance, channels: &channels };
+        rescue::written_somewhere(self.output, |path| self.picture.image.save(path, &options))
     }
 
     /// The picture's estimated error, relative and as a mean over the image.
@@ -152,14 +158,15 @@ impl Done<'_> {
     }
 
     /// Says on stderr how it was made, and how long that took.
-    fn tell(&self) {
-        let (picture, rendering, times) = (self.picture, &self.picture.last, &self.picture.times);
-        if let (Some(photons), Some(radius)) = (rendering.photons, rendering.radius) {
+    fn tell(&self, is_written: bool) {
+        let (picture, times) = (self.picture, &self.picture.times);
+        let photons = picture.last.as_ref().and_then(|last| last.photons.map(|photons| (photons, last.method)));
+        if let (Some((photons, method)), Some(radius)) = (photons, self.radius()) {
             notice(&format!(
                 "{} paths emitted, {} photons stored, gathered by {} with radius {radius:.4} m",
                 photons.emitted,
                 photons.stored,
-                rendering.method.map_or("nothing", Method::name)
+                method.map_or("nothing", Method::name)
             ));
         }
         if picture.passes > 1 {
@@ -176,27 +183,28 @@ impl Done<'_> {
             ("readback", times.readback),
         ];
         let parts = parts.map(|(stage, ms)| format!("{stage} {ms:.1}")).join(", ");
-        notice(&format!("{} in {:.1} ms ({parts})", self.output.display(), times.total));
+        let what = if is_written { self.output.display().to_string() } else { "rendered".into() };
+        notice(&format!("{what} in {:.1} ms ({parts})", times.total));
     }
 
     /// What `--json` prints.
     fn report(&self, warnings: Vec<String>) -> Report<'_> {
-        let (settings, picture, rendering) = (self.settings, self.picture, &self.picture.last);
+        let (settings, picture, last) = (self.settings, self.picture, self.picture.last.as_ref());
         let longest = crate::device::submissions::longest();
         Report {
             scene: &self.scene.name,
             backend: self.pipeline.backend,
-            gather: rendering.method.unwrap_or(settings.gather.method),
+            gather: last.and_then(|last| last.method).unwrap_or(settings.gather.method),
             light: settings.light,
-            radius: rendering.radius,
-            grid_form: rendering.form,
-            photons: rendering.photons,
-            uploads: rendering.uploads,
+            radius: self.radius(),
+            grid_form: last.and_then(|last| last.form),
+            photons: last.and_then(|last| last.photons),
+            uploads: last.map_or(0, |last| last.uploads),
             size: [settings.width, settings.height],
             samples: settings.samples,
             seed: settings.seed,
             time_ms: picture.times,
-            skipped: rendering.skipped.clone(),
+            skipped: last.map_or_else(|| Stage::ALL.to_vec(), |last| last.skipped.clone()),
             devices: &self.pipeline.devices,
             memory_bytes: self.pipeline.bytes(),
             memory_most_opencl_bytes: self.pipeline.most_bytes(),
@@ -205,26 +213,35 @@ impl Done<'_> {
             technique: settings.technique.kind(),
             render_seconds: picture.seconds,
             error: self.error(),
-            interrupted: picture.interrupted,
+            interrupted: matches!(picture.unfinished, Some(Unfinished::Interrupted)),
             warnings,
             longest_submission_ms: longest.0,
             longest_submission: longest.1,
         }
     }
+}
 
-    /// An interrupted picture is not what was asked for: a script must not take it for that.
-    fn end(&self) -> Result<()> {
-        let passes = self.picture.passes;
-        match (self.picture.interrupted, &self.picture.checkpoint) {
-            (false, _) => Ok(()),
-            (true, Some(path)) => Err(Error::Failed(format!(
-                "interrupted after {passes} passes; go on with --checkpoint {}",
-                path.display()
-            ))),
-            (true, None) => Err(Error::Failed(format!(
-                "interrupted after {passes} passes; {} holds what was done",
-                self.output.display()
-            ))),
-        }
+/// An unfinished picture is not what was asked for: a script must not take it for that.
+fn ended(picture: Passes, output: &Path) -> Result<()> {
+    let passes = picture.passes;
+    let kept = match &picture.checkpoint {
+        Some(path) => format!("go on with --checkpoint {}", path.display()),
+        None => format!("{} holds what was done", output.display()),
+    };
+    match picture.unfinished {
+        None => Ok(()),
+        Some(Unfinished::Interrupted) => Err(Error::Failed(format!("interrupted after {passes} passes; {kept}"))),
+        Some(Unfinished::Failed(error)) => Err(Error::Failed(format!("{error}; after {passes} passes: {kept}"))),
+        Some(Unfinished::Unsaved(error)) => Err(error),
+    }
+}
+
+/// The devices at work, for a line: the one that traces first, and where another makes the photons, that too.
+fn on_devices(devices: &Devices) -> String {
+    match (&devices.opengl, &devices.opencl) {
+        (Some(opengl), Some(opencl)) => format!(" on {opengl}, photons by OpenCL on {opencl}"),
+        (Some(opengl), None) => format!(" on {opengl}, photons by the CPU"),
+        (None, Some(opencl)) => format!(" on {opencl}"),
+        (None, None) => String::new(),
     }
 }

@@ -1,13 +1,11 @@
 //! `photile stress`: does float32 show anywhere?
 
-use std::io::IsTerminal as _;
 use std::path::PathBuf;
 
 use clap::ValueEnum;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use super::options::choice;
-use super::print_json;
+use super::options::{choice, parse_device};
+use super::{output, print_json, stop_on_signal};
 use crate::error::{Error, Result};
 use crate::film::check_directory;
 use crate::settings::Backend;
@@ -22,8 +20,8 @@ pub struct Args {
     /// Which backends to test
     #[arg(long, value_parser = choice::<Backend>(), value_delimiter = ',', default_values = Backend::ALL.map(Backend::name))]
     backend: Vec<Backend>,
-    /// Part of the name of the OpenCL device to use
-    #[arg(long, value_name = "SUBSTRING")]
+    /// OpenCL device to use: its number as doctor counts them, such as #2 or 2, or part of its name
+    #[arg(long, value_name = "DEVICE", value_parser = parse_device)]
     device: Option<String>,
     /// Threads of the CPU's share [default: all]
     #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=1024))]
@@ -80,12 +78,14 @@ pub fn run(args: &Args) -> Result<()> {
             None => Size::Full,
         },
         fault: args.inject,
+        stop: stop_on_signal("step"),
     };
     if let Some(directory) = &args.out {
         crate::bench::make_directory(directory)?;
         check_directory(&directory.join("stress.csv"))?;
     }
-    let bar = spinner();
+    let bar = output::bar(None, "{spinner} {msg} ({elapsed})");
+    bar.enable_steady_tick(std::time::Duration::from_millis(200));
     let report = stress(&suites, &options, &mut |progress| match progress {
         Progress::Notice(line) => bar.suspend(|| super::notice(line)),
         Progress::Step(what) => bar.set_message(what.to_string()),
@@ -94,14 +94,19 @@ pub fn run(args: &Args) -> Result<()> {
     if args.json {
         print_json(&report);
     } else {
-        print!("{}", report.text());
+        output::print(report.text(output::columns()));
     }
-    if let Some(directory) = &args.out {
-        for path in report.write_to(directory)? {
-            super::notice(&format!("wrote {}", path.display()));
+    let files = match args.out.as_ref().map(|directory| report.write_to(directory)).transpose() {
+        Ok(written) => {
+            for path in written.unwrap_or_default() {
+                super::notice(&format!("wrote {}", path.display()));
+            }
+            Ok(())
         }
-    }
-    match report.rows.iter().find(|row| !row.holds) {
+        Err(error) => Err(error),
+    };
+    let ended = report.ended.as_ref().map_or(Ok(()), |why| Err(Error::Failed(why.clone())));
+    let bounds = match report.rows.iter().find(|row| !row.holds) {
         None => Ok(()),
         Some(row) => Err(Error::Failed(format!(
             "{} of {} bounds fail; the first: {}, {}, {}, {}: found {:.3e} at worst, expected at most {:.3e}",
@@ -114,17 +119,6 @@ pub fn run(args: &Args) -> Result<()> {
             row.spread.worst,
             row.bound
         ))),
-    }
-}
-
-/// What goes on, on stderr; hidden where stderr is not a terminal.
-fn spinner() -> ProgressBar {
-    let target =
-        if std::io::stderr().is_terminal() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
-    let bar = ProgressBar::with_draw_target(None, target);
-    if let Ok(style) = ProgressStyle::with_template("{spinner} {msg} ({elapsed})") {
-        bar.set_style(style);
-    }
-    bar.enable_steady_tick(std::time::Duration::from_millis(200));
-    bar
+    };
+    output::all([files, ended, bounds])
 }

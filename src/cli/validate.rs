@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use super::options::parse_device;
 use super::{notice, print_json};
 use crate::device::gl::Headless;
 use crate::error::{Error, Result};
@@ -17,8 +18,8 @@ pub struct Args {
     /// Break one field's offset, such as object.color: the check must then fail
     #[arg(long, value_name = "FIELD")]
     inject: Option<String>,
-    /// Part of the name of the OpenCL device to use
-    #[arg(long, value_name = "SUBSTRING")]
+    /// OpenCL device to use: its number as doctor counts them, such as #2 or 2, or part of its name
+    #[arg(long, value_name = "DEVICE", value_parser = parse_device)]
     device: Option<String>,
     /// Print one JSON object on stdout
     #[arg(long)]
@@ -44,7 +45,7 @@ pub fn run(args: &Args) -> Result<()> {
         cl: open_device(args.device.as_deref(), &mut notice).map_err(missing).ok(),
     };
     if !args.json {
-        println!("{:<8} {:<10} {:>9} {:>6} {:>12}", "record", "read by", "records", "width", "values");
+        say!("{:<8} {:<10} {:>9} {:>6} {:>12}", "record", "read by", "records", "width", "values");
     }
     let checks = validate(&readers, args.inject.as_deref(), |check| {
         if !args.json {
@@ -52,7 +53,7 @@ pub fn run(args: &Args) -> Result<()> {
             let path = format!("{path:?}");
             let width = width_log2.map_or("-".to_string(), |w| (1u32 << w).to_string());
             let verdict = wrong.as_ref().map_or("same bits", |_| "WRONG");
-            println!("{record:<8} {path:<10} {count:>9} {width:>6} {values:>12}  {verdict}");
+            say!("{record:<8} {path:<10} {count:>9} {width:>6} {values:>12}  {verdict}");
         }
     })?;
     let wrong: Vec<String> =
@@ -72,7 +73,7 @@ pub fn run(args: &Args) -> Result<()> {
             *by_path.entry(format!("{:?}", check.path)).or_default() += check.values;
         }
         let sums: Vec<String> = by_path.iter().map(|(path, values)| format!("{path} {values}")).collect();
-        println!("{} values compared ({})", report.values, sums.join(", "));
+        say!("{} values compared ({})", report.values, sums.join(", "));
     }
     match report.wrong.first() {
         None => Ok(()),

@@ -6,9 +6,9 @@ use std::time::Instant;
 
 use super::options::{RenderOptions, choice};
 use super::passes::TechniqueOptions;
-use super::{notice, print_json};
+use super::{notice, print_json, stop_on_signal};
 use crate::error::{Error, Result};
-use crate::film::write_beside;
+use crate::film::{check_directory, check_distinct, write_beside};
 use crate::settings::Backend;
 use crate::window;
 use crate::window::ladder::Budget;
@@ -65,6 +65,18 @@ pub fn run(args: &Args, started: Instant) -> Result<()> {
     if screenshot.file_name().is_none() {
         return Err(Error::Usage(format!("found --screenshot {}, expected a file's name", screenshot.display())));
     }
+    let [png, exr] = ["png", "exr"].map(|extension| screenshot.with_extension(extension));
+    check_distinct(&[
+        ("the scene", Some(&args.options.scene)),
+        ("--script", args.script.as_deref()),
+        ("--frames", args.frames.as_deref()),
+        ("--record", args.record.as_deref()),
+        ("--screenshot", Some(&png)),
+        ("--screenshot", Some(&exr)),
+    ])?;
+    for path in [&args.frames, &args.record].into_iter().flatten() {
+        check_directory(path)?;
+    }
     let wish = args.technique.wish(&args.options, &scene);
     wish.settle(&scene, &mut settings.clone())?; // what contradicts itself is refused here as by render
     let script = args.script.as_deref().map(Script::load).transpose()?;
@@ -95,7 +107,11 @@ pub fn run(args: &Args, started: Instant) -> Result<()> {
         script,
         record: args.record.clone(),
         table: args.frames.is_some(),
+        stop: stop_on_signal("frame"),
     };
+    if let Some(path) = window::left_over(&args.options.scene) {
+        notice(&format!("{} has the edits of a window that ended early", path.display()));
+    }
     let summary = window::run(options, started)?;
     if let Some(replayed) = &summary.replayed {
         tell(replayed, args.frames.as_deref())?;
@@ -103,7 +119,11 @@ pub fn run(args: &Args, started: Instant) -> Result<()> {
     if args.json {
         print_json(&summary);
     }
-    Ok(())
+    match (&summary.unsaved, summary.interrupted) {
+        (Some(path), _) => Err(Error::Failed(format!("interrupted; {} has the edits", path.display()))),
+        (None, true) => Err(Error::Failed("interrupted; there was nothing to save".into())),
+        (None, false) => Ok(()),
+    }
 }
 
 /// A replay's figures in words, and all of its pictures as a table where one is wanted.

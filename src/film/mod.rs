@@ -18,7 +18,7 @@ mod png_file;
 pub use accumulator::{Accumulator, REPLICATES, STUDENT_90, fnv1a};
 pub use exr_file::{ExrFile, load_exr};
 pub use heat_map::{HEAT_MAP_DECADES, HEAT_MAP_WHITE, heat_map};
-pub use output::{Format, check_directory, check_output, write_beside};
+pub use output::{Format, check_directory, check_distinct, check_output, finish_writing, write_beside};
 
 /// Most pixels that a file may hold to be read, 2²⁸ (16384²): a corrupt header shall not ask for all memory.
 const MAX_PIXELS: u64 = 1 << 28;

@@ -40,7 +40,7 @@ use crate::stage::trace::{ClTrace, CpuTrace, GlTrace, Indirect, Pause, Permutati
 pub struct Machine {
     /// `None`: the first that works of [`Backend::ALL`].
     pub backend: Option<Backend>,
-    /// Part of an OpenCL device's or platform's name.
+    /// An OpenCL device's number, such as `#2`, or part of its name or its platform's.
     pub device: Option<String>,
     /// Threads of the CPU twins.
     pub threads: usize,
@@ -182,18 +182,38 @@ impl Pipeline {
     ///
     /// # Errors
     /// [`Error::Driver`] when the backend that was asked for is not there.
-    pub fn open(machine: &Machine, mut notice: impl FnMut(&str)) -> Result<Pipeline> {
+    pub fn open(machine: &Machine, notice: impl FnMut(&str)) -> Result<Pipeline> {
+        Pipeline::open_first(machine, None, notice)
+    }
+
+    /// Like [`Pipeline::open`], for pictures of a size: a backend that has no room for them is passed over, too.
+    ///
+    /// # Errors
+    /// As [`Pipeline::open`]; what the backend that was asked for says to the size.
+    pub fn open_for(machine: &Machine, size: [u32; 2], notice: impl FnMut(&str)) -> Result<Pipeline> {
+        Pipeline::open_first(machine, Some(size), notice)
+    }
+
+    fn open_first(machine: &Machine, size: Option<[u32; 2]>, mut notice: impl FnMut(&str)) -> Result<Pipeline> {
+        if machine.backend != Some(Backend::Cpu) {
+            cl::probing::begin(machine.device.as_deref());
+        }
+        let open = |backend, notice: &mut dyn FnMut(&str)| {
+            let mut pipeline = Pipeline::open_on(backend, machine, notice)?;
+            size.map_or(Ok(()), |size| pipeline.tracer.make_film(size))?;
+            Ok(pipeline)
+        };
         if let Some(backend) = machine.backend {
-            return Pipeline::open_on(backend, machine, &mut notice);
+            return open(backend, &mut notice);
         }
         for (backend, next) in [(Backend::OpenGl, "OpenCL"), (Backend::OpenCl, "the CPU")] {
-            match Pipeline::open_on(backend, machine, &mut notice) {
+            match open(backend, &mut notice) {
                 Ok(pipeline) => return Ok(pipeline),
                 Err(error @ Error::Usage(_)) => return Err(error), // a wrong option is no reason to ignore it
                 Err(error) => notice(&format!("falling back from {} to {next}: {error}", backend.name())),
             }
         }
-        Pipeline::open_on(Backend::Cpu, machine, &mut notice)
+        open(Backend::Cpu, &mut notice)
     }
 
     /// Opens a backend; OpenGL draws in a context that the caller made current on this thread, and that outlives the

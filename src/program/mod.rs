@@ -3,4 +3,5 @@
 pub mod features;
 pub mod gathering;
 pub mod kinds;
+pub mod parameters;
 pub mod source;

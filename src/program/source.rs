@@ -6,7 +6,7 @@ use std::fmt::Write;
 use crate::kinds::SHAPE_KINDS;
 use crate::program::features::Features;
 use crate::program::kinds;
-use crate::records;
+use crate::records::{self, table_sets};
 
 /// Every source, embedded: the program runs from anywhere.
 const FILES: &[(&str, &str)] = &[
@@ -192,7 +192,10 @@ impl Source {
 
     fn append_line(&mut self, file: &'static str, number: usize, line: &str, options: &Options) {
         match line.strip_prefix("#include \"").and_then(|rest| rest.strip_suffix('"')) {
-            Some("layout") => self.append("(layout)", &records::prelude(options.inject.as_deref()), options),
+            Some("layout") => {
+                self.append("(layout)", &records::prelude(options.inject.as_deref()), options);
+                self.append("(table sets)", &table_sets::macros(!self.unit.ends_with(".cl")), options);
+            }
             Some("fields") => self.append("(fields)", &records::field_reads(options.table, false), options),
             Some("fields same") => self.append("(fields)", &records::field_reads(options.table, true), options),
             Some("shapes") => {

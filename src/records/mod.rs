@@ -12,6 +12,7 @@ mod photons;
 mod prelude;
 mod record;
 mod scene;
+pub mod table_sets;
 mod tables;
 mod texture_shape;
 

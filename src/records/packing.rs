@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::records::{Frame, LIGHTS_IN_UNIFORMS, Light, Material, PLANE, SHAPES_IN_UNIFORMS, SPHERE, Shape};
+use crate::records::{Frame, LIGHTS_IN_UNIFORMS, Light, Material, PLANE, Record, SHAPES_IN_UNIFORMS, SPHERE, Shape};
 use crate::scene::{Camera, Scene};
 use crate::settings::Settings;
 
@@ -91,6 +91,15 @@ impl Packed {
     /// The material of a shape.
     pub fn material_of(&self, shape: usize) -> &Material {
         &self.materials[self.shapes[shape].material as usize]
+    }
+
+    /// The tables that programs read, by name: [`crate::records::table_sets::PACKED`].
+    pub fn tables(&self) -> [(&'static str, &[f32]); 3] {
+        [
+            (Shape::TABLE, bytemuck::cast_slice(&self.shapes)),
+            (Material::TABLE, bytemuck::cast_slice(&self.materials)),
+            (Light::TABLE, bytemuck::cast_slice(&self.lights)),
+        ]
     }
 
     /// Whether some material has a lobe.

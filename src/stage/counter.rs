@@ -4,7 +4,7 @@
 use super::paths::Range;
 use super::photon_map::PhotonMap;
 use super::walks::{Walks, batch_that_stores, check_stored};
-use crate::device::cl::{Arg, Buffer, Context, Kernel};
+use crate::device::cl::{Arguments, Buffer, Context, Kernel};
 use crate::error::Result;
 use crate::program::source::Source;
 use crate::records::{Emitter, PhotonDirection, PhotonPosition, PhotonPower};
@@ -125,7 +125,7 @@ impl Counter {
         (range.end - range.first).div_ceil(GROUP * range.length)
     }
 
-    fn launch(walks: &Walks, kernel: &Kernel, args: &[Arg], range: &Range) -> Result<()> {
+    fn launch(walks: &Walks, kernel: &Kernel, args: &Arguments, range: &Range) -> Result<()> {
         let items = (Counter::groups(range) * GROUP) as usize;
         walks.scene.launch_items(walks.context, kernel, args, range, [items, GROUP as usize])
     }
@@ -138,8 +138,7 @@ impl Counter {
         if groups == 0 {
             return Ok(0);
         }
-        let mut args = walks.args(emitters, range);
-        args.extend([Arg::from(&self.counts), (&self.totals).into()]);
+        let args = walks.arguments(emitters, range).with("counts", &self.counts).with("totals", &self.totals);
         Counter::launch(walks, &self.count, &args, range)?;
         walks.scan.exclusive(walks.context, &self.totals, groups + 1)?;
         Ok(groups)
@@ -159,10 +158,8 @@ impl Counter {
         map: &PhotonMap,
         limit: u32,
     ) -> Result<()> {
-        let mut args = walks.args(emitters, range);
-        args.extend([Arg::from(&self.counts), (&self.totals).into(), limit.into()]);
-        args.extend([Arg::from(&map.positions), (&map.powers).into(), (&map.faces).into()]);
-        args.extend(map.directions.as_ref().map(Arg::from));
+        let args = walks.arguments(emitters, range).and(&map.arguments());
+        let args = args.with("counts", &self.counts).with("offsets", &self.totals).with("limit", limit);
         Counter::launch(walks, &self.store, &args, range)
     }
 }

@@ -9,14 +9,14 @@ use super::longest_cell::LongestCell;
 use super::photon_map::{PhotonMap, Photons, first};
 use super::sort::{Scratch, Sort, each, share};
 use super::trace::draws::{cells_within, touched};
-use crate::device::cl::{Arg, Buffer, Context, Kernel, PART_ALIGNMENT};
+use crate::device::cl::{Arguments, Buffer, Context, Kernel, PART_ALIGNMENT};
 use crate::device::submissions;
 use crate::error::Result;
 use crate::plan::cells::{Bounds, CellSize, Form, GridPlan, photon_density, plan_by_crowd};
 use crate::program::gathering::Method;
 use crate::program::source::{Options, assemble};
 use crate::records::face::faces_of;
-use crate::records::{Face, Gather, PhotonDirection, PhotonPosition, PhotonPower, Shape, TEXEL};
+use crate::records::{Face, Gather, PhotonDirection, PhotonPosition, PhotonPower, Record, Shape, TEXEL};
 
 /// A texel, whatever it holds.
 type Texel = [f32; 3];
@@ -69,19 +69,21 @@ impl Grid {
         })
     }
 
-    /// `PHOTON_PARAMS` of `shim.cl`, in their order: the sorted tables or, for brute force, the stored ones. None when
-    /// the photons are not in that order.
-    pub fn args(&self, stored: Option<&Photons>, method: Method) -> Option<[Arg; 7]> {
-        let nothing = Arg::from(&self.nothing);
-        let [positions, powers, faces, directions] = if method.reads_stored() {
+    /// `PHOTON_GRID` of `table_sets.rs`: the sorted tables or, for brute force, the stored ones. None when the photons
+    /// are not in that order.
+    pub fn arguments(&self, stored: Option<&Photons>, method: Method) -> Option<Arguments> {
+        let args = Arguments::new().table(&self.gather).table(&self.faces).with("cell_starts", &self.cell_starts);
+        let (args, directions) = if method.reads_stored() {
             let Photons { positions, powers, faces, directions, .. } = stored?;
-            [(*positions).into(), (*powers).into(), (*faces).into(), directions.map_or(nothing, Arg::from)]
+            (args.table(positions).table(powers).with("photon_faces", *faces), *directions)
         } else {
             let Sorted { positions, powers, directions, .. } = self.sorted.as_ref()?;
-            [positions.into(), powers.into(), nothing, directions.as_ref().map_or(nothing, Arg::from)]
+            (args.table(positions).table(powers).with("photon_faces", &self.nothing), directions.as_ref())
         };
-        let [gather, records] = [Arg::from(&self.gather), Arg::from(&self.faces)];
-        Some([gather, records, (&self.cell_starts).into(), positions, powers, faces, directions])
+        Some(match directions {
+            Some(directions) => args.table(directions),
+            None => args.with(PhotonDirection::TABLE, &self.nothing),
+        })
     }
 
     /// About the most photons that one query looks at, where the longest cell is known.
@@ -269,27 +271,20 @@ impl GridStage {
         };
 
         let (items, per_item) = each(context, count);
-        let tail: [Arg; 2] = [(count as i32).into(), (per_item as i32).into()];
-        let args = [
-            (&map.positions).into(),
-            (&map.faces).into(),
-            (&grid.faces).into(),
-            (&grid.gather).into(),
-            (&scratch.keys[0]).into(),
-            tail[0],
-            tail[1],
-        ];
+        let shared = Arguments::new().with("count", count as i32).with("per_item", per_item as i32);
+        let args = shared.clone().table(&map.positions).with("photon_faces", &map.faces).table(&grid.faces);
+        let args = args.table(&grid.gather).with("keys", &scratch.keys[0]);
         context.launch(&kernels.keys, &args, &[items], None)?;
         let sorted = self.sort.sort(context, &scratch, count, cells)?;
-        let args =
-            [(&scratch.keys[sorted]).into(), (&grid.cell_starts).into(), tail[0], (cells as i32).into(), tail[1]];
+        let args = shared.clone().with("sorted_keys", &scratch.keys[sorted]).with("cells", cells as i32);
+        let args = args.with("cell_starts", &grid.cell_starts);
         // One place more than there are photons: it ends the last cell.
         context.launch(&kernels.starts, &args, &[(count + 1).div_ceil(per_item)], None)?;
         drop(scratch);
 
-        let order: Arg = (&self.order).into();
+        let shared = shared.with("order", &self.order);
         let reorder = |from: Buffer<Texel>, to: Buffer<Texel>| -> Result<(Buffer<Texel>, Buffer<Texel>)> {
-            let args = [order, (&from).into(), (&to).into(), tail[0], tail[1]];
+            let args = shared.clone().with("from", &from).with("to", &to);
             context.launch(&kernels.reorder, &args, &[items], None)?;
             Ok((to, from))
         };
@@ -321,11 +316,11 @@ impl GridStage {
     /// [`crate::error::Error::Device`] when a launch is refused.
     pub fn restore(&mut self, context: &Context) -> Result<Option<PhotonMap>> {
         let (items, per_item) = each(context, self.grid.count);
-        let tail: [Arg; 2] = [(self.grid.count as i32).into(), (per_item as i32).into()];
-        let order: Arg = (&self.order).into();
+        let shared = Arguments::new().with("count", self.grid.count as i32).with("per_item", per_item as i32);
+        let shared = shared.with("order", &self.order);
         let Some((map, free)) = self.take_tables() else { return Ok(None) };
         let back = |from: Buffer<Texel>, to: Buffer<Texel>| -> Result<(Buffer<Texel>, Buffer<Texel>)> {
-            let args = [order, (&from).into(), (&to).into(), tail[0], tail[1]];
+            let args = shared.clone().with("from", &from).with("to", &to);
             context.launch(&self.restore, &args, &[items], None)?;
             Ok((to, from))
         };
@@ -381,14 +376,9 @@ impl GridStage {
         self.bounds.fit(context, nothing.len())?;
         self.bounds.write(context, &nothing)?;
         let (items, per_item) = share(context, photons.count);
-        let args = [
-            photons.positions.into(),
-            photons.faces.into(),
-            (&self.bounds).into(),
-            (faces as i32).into(),
-            (photons.count as i32).into(),
-            (per_item as i32).into(),
-        ];
+        let args = Arguments::new().table(photons.positions).with("photon_faces", photons.faces);
+        let args = args.with("bounds", &self.bounds).with("faces", faces as i32);
+        let args = args.with("count", photons.count as i32).with("per_item", per_item as i32);
         let group = [bounds_group(context)];
         let local = (group[0] > 1).then_some(&group[..]);
         context.launch(&self.bounds_kernel, &args, &[items], local)?;

@@ -7,7 +7,7 @@ use super::map::MapCounts;
 use super::paths::{Paths, Range};
 use crate::cpu;
 use crate::cpu::photons::stream_of;
-use crate::device::cl::{Arg, Buffer, Context, Kernel};
+use crate::device::cl::{Arguments, Buffer, Context, Kernel};
 use crate::error::{Error, Result};
 use crate::plan::charts::Charts;
 use crate::program::features::Features;
@@ -138,19 +138,20 @@ impl IrradianceStage {
                 let quanta = Quanta::of(&emitters, paths);
                 let emitters = scene.paths.emitters(context, paths)?;
                 let count = scene.texels.len();
-                let sums = Arg::from(&scene.sums);
-                context.launch(clear, &[sums, (3 * count as u32).into()], &[3 * count], None)?;
+                let sums = Arguments::new().with("sums", &scene.sums);
+                let args = sums.clone().with("count", 3 * count as u32);
+                context.launch(clear, &args, &[3 * count], None)?;
                 if !scene.paths.plan.is_empty() {
                     let range = Range::new(context, 0, paths);
                     let stream = stream_of(emission.seed, emission.pass);
-                    let mut args = scene.paths.args(&[Arg::from(&scene.charts)], &emitters, &range, stream);
-                    args.extend([Arg::Uint(range.runs()), quanta.per_watt.into(), sums]);
+                    let args = scene.paths.arguments(&emitters, &range, stream).table(&scene.charts).and(&sums);
+                    let args = args.with("runs", range.runs()).with("quanta_per_watt", quanta.per_watt);
                     scene.paths.launch(context, splat, &args, &range)?;
                 }
-                let texels = Arg::from(&scene.texels);
-                let areas = Arg::from(&scene.inverse_areas);
-                let neighbourhoods = Arg::from(&scene.neighbourhoods);
-                let args = [sums, areas, neighbourhoods, quanta.watts.into(), texels, Arg::Uint(count as u32)];
+                let args =
+                    sums.with("inverse_areas", &scene.inverse_areas).with("neighbourhoods", &scene.neighbourhoods);
+                let args = args.with("watts_per_quantum", quanta.watts).table(&scene.texels);
+                let args = args.with("count", count as u32);
                 context.launch(resolve, &args, &[count], None)?;
                 context.finish()?;
             }

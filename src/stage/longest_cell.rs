@@ -2,7 +2,7 @@
 //! be cut within pixels.
 
 use super::sort::share;
-use crate::device::cl::{Buffer, Context, Kernel};
+use crate::device::cl::{Arguments, Buffer, Context, Kernel};
 use crate::error::Result;
 use crate::program::source::{Options, assemble};
 
@@ -29,7 +29,8 @@ impl LongestCell {
     pub fn of(&mut self, context: &Context, cell_starts: &Buffer<f32>, cells: usize) -> Result<u64> {
         self.answer.write(context, &[0])?;
         let (items, per_item) = share(context, cells);
-        let args = [cell_starts.into(), (&self.answer).into(), (cells as i32).into(), (per_item as i32).into()];
+        let args = Arguments::new().with("cell_starts", cell_starts).with("fullest", &self.answer);
+        let args = args.with("cells", cells as i32).with("per_item", per_item as i32);
         context.launch(&self.kernel, &args, &[items], None)?;
         Ok(self.answer.get(context, 0)?.into())
     }

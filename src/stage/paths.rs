@@ -3,18 +3,17 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use crate::device::cl::{Arg, Buffer, Context, Kernel};
+use super::scene_buffers::SceneBuffers;
+use crate::device::cl::{Arguments, Buffer, Context, Kernel};
 use crate::error::Result;
 use crate::rays::emission::{COLUMNS_LOG2, Emission, EmissionPlan, PART_BITS, ROWS_LOG2, Sampler};
 use crate::records::packing::Packed;
-use crate::records::{Emitter, Frame, Light, Material, Shape};
+use crate::records::{Emitter, Frame};
 
 /// A scene's lights and objects on the device.
 pub struct Paths {
     frame: Buffer<Frame>,
-    shapes: Buffer<Shape>,
-    materials: Buffer<Material>,
-    lights: Buffer<Light>,
+    scene: SceneBuffers,
     counts: Buffer<[u32; 3]>,
     slots: Buffer<u32>,
     cells: Buffer<u32>,
@@ -68,9 +67,7 @@ impl Paths {
         };
         Ok(Paths {
             frame: Buffer::from_slice(context, &[frame])?,
-            shapes: Buffer::from_slice(context, &packed.shapes)?,
-            materials: Buffer::from_slice(context, &packed.materials)?,
-            lights: Buffer::from_slice(context, &packed.lights)?,
+            scene: SceneBuffers::new(context, packed)?,
             counts: Buffer::from_slice(context, &plan.counts)?,
             slots: Buffer::from_slice(context, &plan.slots)?,
             cells: Buffer::from_slice(context, &plan.cells)?,
@@ -116,29 +113,20 @@ impl Paths {
         defines
     }
 
-    /// Arguments that all such kernels begin with; `scene_tables` come behind the scene's own records.
-    pub fn args(&self, scene_tables: &[Arg], emitters: &Buffer<Emitter>, range: &Range, stream: u32) -> Vec<Arg> {
-        let mut args: Vec<Arg> =
-            vec![(&self.frame).into(), (&self.shapes).into(), (&self.materials).into(), (&self.lights).into()];
-        args.extend(scene_tables);
-        args.extend([
-            Arg::from(emitters),
-            (&self.counts).into(),
-            (&self.slots).into(),
-            (&self.cells).into(),
-            range.first.into(),
-            range.end.into(),
-            range.length.into(),
-            stream.into(),
-        ]);
-        args
+    /// `WALK` of `table_sets.rs`, which all such kernels take.
+    pub fn arguments(&self, emitters: &Buffer<Emitter>, range: &Range, stream: u32) -> Arguments {
+        let tables = self.scene.arguments().table(&self.frame).table(emitters);
+        let tables = tables.with("emitter_counts", &self.counts).with("slots", &self.slots);
+        let tables = tables.with("emission_cells", &self.cells);
+        let numbers = tables.with("first_path", range.first).with("end_path", range.end);
+        numbers.with("run_length", range.length).with("stream", stream)
     }
 
     /// Launches one work-item for each `lanes` runs of a range.
     ///
     /// # Errors
     /// [`crate::error::Error::Device`] when the launch is refused.
-    pub fn launch(&self, context: &Context, kernel: &Kernel, args: &[Arg], range: &Range) -> Result<()> {
+    pub fn launch(&self, context: &Context, kernel: &Kernel, args: &Arguments, range: &Range) -> Result<()> {
         let items = range.runs().div_ceil(context.device.lanes) as usize;
         let local = if context.device.lanes == 1 { 128 } else { 1 };
         self.launch_items(context, kernel, args, range, [items, local])
@@ -152,11 +140,11 @@ impl Paths {
         &self,
         context: &Context,
         kernel: &Kernel,
-        args: &[Arg],
+        args: &Arguments,
         range: &Range,
         [items, local]: [usize; 2],
     ) -> Result<()> {
-        kernel.pace.expect(self.shapes.len() as f64 * f64::from(range.length));
+        kernel.pace.expect(self.scene.shapes as f64 * f64::from(range.length));
         context.launch(kernel, args, &[items], Some(&[local]))
     }
 }

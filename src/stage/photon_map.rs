@@ -2,7 +2,7 @@
 
 use bytemuck::Pod;
 
-use crate::device::cl::{Buffer, Context};
+use crate::device::cl::{Arguments, Buffer, Context};
 use crate::device::memory::capacity;
 use crate::error::Result;
 use crate::records::{PhotonDirection, PhotonPosition, PhotonPower, TEXEL};
@@ -145,6 +145,12 @@ impl PhotonMap {
             directions: self.directions.as_ref(),
             count: self.stored,
         }
+    }
+
+    /// The tables, for kernels that store photons: `MAP` of `table_sets.rs`.
+    pub fn arguments(&self) -> Arguments {
+        let args = Arguments::new().table(&self.positions).table(&self.powers).with("photon_faces", &self.faces);
+        self.directions.iter().fold(args, |args, directions| args.table(directions))
     }
 
     /// Bytes on the device.

@@ -4,24 +4,23 @@ use bytemuck::Pod;
 
 use super::grid::{Grid, Sorted};
 use super::photon_map::Photons;
+use super::table_textures::TableTextures;
 use super::tiles::Tiles;
 use super::trace::draws::{cells_across, touched};
 use crate::cpu::grid::{GridTables, PhotonTables, face_of};
 use crate::cpu::tiles::TileTables;
 use crate::device::cl::{Buffer, Context};
-use crate::device::gl::{Functions, PixelBuffer, Program, TableTexture};
+use crate::device::gl::{Functions, PixelBuffer, Program};
 use crate::error::{Error, Result};
 use crate::plan::cells::GridPlan;
 use crate::plan::tiling;
 use crate::program::gathering::{Gathering, Method};
-use crate::records::{
-    Face, Gather, PhotonDirection, PhotonPosition, PhotonPower, Record, Region, TEXEL, TEXTURE_WIDTH_LOG2, Tile,
-};
+use crate::records::table_sets::{PHOTON_GRID, PHOTON_TILES};
+use crate::records::{Face, Gather, PhotonDirection, PhotonPosition, PhotonPower, Record, Region, TEXEL, Tile};
 
 /// The photon map as textures, one a property; what a permutation does not read is neither read back nor uploaded.
 pub struct PhotonTextures {
-    /// In the order of [`PhotonTextures::SAMPLERS`].
-    tables: [TableTexture; 9],
+    tables: TableTextures,
     gather: Gather,
     /// Bound on the candidates of any query, for drivers that end long loops.
     pub most_candidates: u64,
@@ -31,28 +30,13 @@ pub struct PhotonTextures {
 }
 
 impl PhotonTextures {
-    /// The samplers of `gather.glsl`, in the order of their texture units.
-    pub const SAMPLERS: [&str; 9] = [
-        Face::TABLE,
-        "cell_starts",
-        PhotonPosition::TABLE,
-        PhotonPower::TABLE,
-        "photon_faces",
-        PhotonDirection::TABLE,
-        Tile::TABLE,
-        Region::TABLE,
-        "tile_photons",
-    ];
-
     /// Empty tables on the current context; `is_bounded`: for a driver that ends long loops.
     ///
     /// # Errors
     /// [`crate::error::Error::Device`] when the driver gives no textures.
     pub fn new(gl: &Functions, is_bounded: bool) -> Result<PhotonTextures> {
-        let table = || TableTexture::new(gl, TEXTURE_WIDTH_LOG2);
-        let tables = [table()?, table()?, table()?, table()?, table()?, table()?, table()?, table()?, table()?];
         Ok(PhotonTextures {
-            tables,
+            tables: TableTextures::new(gl, &[&PHOTON_GRID, &PHOTON_TILES])?,
             gather: Gather::default(),
             most_candidates: 0,
             is_bounded,
@@ -78,17 +62,17 @@ impl PhotonTextures {
             _ => stored.positions.len() as u64,
         };
         if gathering.method.reads_stored() {
-            self.tables[2].fill(stored.positions)?;
-            self.tables[3].fill(stored.powers)?;
+            self.tables.table(PhotonPosition::TABLE).fill(stored.positions)?;
+            self.tables.table(PhotonPower::TABLE).fill(stored.powers)?;
             let faces: Vec<f32> = stored.surfaces.iter().map(|surface| face_of(surface) as f32).collect();
-            self.tables[4].fill_texels(&whole_texels(faces))?;
-            return self.tables[5].fill(stored.directions);
+            self.tables.table("photon_faces").fill_texels(&whole_texels(faces))?;
+            return self.tables.table(PhotonDirection::TABLE).fill(stored.directions);
         }
-        self.tables[0].fill(&plan.faces)?;
-        self.tables[1].fill_texels(&whole_texels(grid.cell_starts.clone()))?;
-        self.tables[2].fill(&grid.positions)?;
-        self.tables[3].fill(&grid.powers)?;
-        self.tables[5].fill(&grid.directions)
+        self.tables.table(Face::TABLE).fill(&plan.faces)?;
+        self.tables.table("cell_starts").fill_texels(&whole_texels(grid.cell_starts.clone()))?;
+        self.tables.table(PhotonPosition::TABLE).fill(&grid.positions)?;
+        self.tables.table(PhotonPower::TABLE).fill(&grid.powers)?;
+        self.tables.table(PhotonDirection::TABLE).fill(&grid.directions)
     }
 
     /// Takes over a map; `gathering` says which tables its method reads.
@@ -106,15 +90,16 @@ impl PhotonTextures {
         if gathering.method.reads_stored() {
             let Some(Photons { positions, powers, faces, directions, count }) = stored else { return Err(unordered()) };
             self.most_candidates = *count as u64;
-            self.copy(2, context, positions, *count)?;
-            self.copy(3, context, powers, *count)?;
-            self.copy(4, context, faces, count.div_ceil(TEXEL))?;
-            return directions.map_or(Ok(()), |directions| self.copy(5, context, directions, *count));
+            self.copy(PhotonPosition::TABLE, context, positions, *count)?;
+            self.copy(PhotonPower::TABLE, context, powers, *count)?;
+            self.copy("photon_faces", context, faces, count.div_ceil(TEXEL))?;
+            return directions
+                .map_or(Ok(()), |directions| self.copy(PhotonDirection::TABLE, context, directions, *count));
         }
         let Some(Sorted { positions, powers, directions, .. }) = &grid.sorted else { return Err(unordered()) };
         let count = grid.count;
-        self.tables[0].fill(&grid.plan.faces)?;
-        self.copy(1, context, &grid.cell_starts, (grid.plan.cells + 1).div_ceil(TEXEL))?;
+        self.tables.table(Face::TABLE).fill(&grid.plan.faces)?;
+        self.copy("cell_starts", context, &grid.cell_starts, (grid.plan.cells + 1).div_ceil(TEXEL))?;
         self.most_candidates = match grid.most_candidates() {
             Some(most) if !self.is_bounded => most,
             _ => {
@@ -122,9 +107,9 @@ impl PhotonTextures {
                 grid.cell_starts.mapped(context, grid.plan.cells + 1, most)?
             }
         };
-        self.copy(2, context, positions, count)?;
-        self.copy(3, context, powers, count)?;
-        directions.as_ref().map_or(Ok(()), |directions| self.copy(5, context, directions, count))
+        self.copy(PhotonPosition::TABLE, context, positions, count)?;
+        self.copy(PhotonPower::TABLE, context, powers, count)?;
+        directions.as_ref().map_or(Ok(()), |directions| self.copy(PhotonDirection::TABLE, context, directions, count))
     }
 
     /// Takes over the tiles of a map that was taken over before.
@@ -136,10 +121,10 @@ impl PhotonTextures {
         if let (Some(most), false) = (tiles.most_candidates(), self.is_bounded) {
             self.most_candidates = most;
         }
-        self.copy(1, context, &tiles.cell_starts, (tiles.plan.cells + 1).div_ceil(3))?;
-        self.tables[6].fill(&tiles.plan.tiles)?;
-        self.tables[7].fill(&tiles.plan.regions)?;
-        self.copy(8, context, &tiles.tile_photons, tiles.pairs.div_ceil(3))
+        self.copy("cell_starts", context, &tiles.cell_starts, (tiles.plan.cells + 1).div_ceil(3))?;
+        self.tables.table(Tile::TABLE).fill(&tiles.plan.tiles)?;
+        self.tables.table(Region::TABLE).fill(&tiles.plan.regions)?;
+        self.copy("tile_photons", context, &tiles.tile_photons, tiles.pairs.div_ceil(3))
     }
 
     /// The same for tiles made by the CPU.
@@ -148,17 +133,17 @@ impl PhotonTextures {
     /// As [`PhotonTextures::fill`].
     pub fn fill_tiles_from_host(&mut self, plan: &tiling::TilePlan, tables: &TileTables) -> Result<()> {
         self.gather = plan.gather;
-        self.tables[1].fill_texels(&whole_texels(tables.cell_starts.clone()))?;
-        self.tables[6].fill(&plan.tiles)?;
-        self.tables[7].fill(&plan.regions)?;
-        self.tables[8].fill_texels(&whole_texels(tables.tile_photons.clone()))
+        self.tables.table("cell_starts").fill_texels(&whole_texels(tables.cell_starts.clone()))?;
+        self.tables.table(Tile::TABLE).fill(&plan.tiles)?;
+        self.tables.table(Region::TABLE).fill(&plan.regions)?;
+        self.tables.table("tile_photons").fill_texels(&whole_texels(tables.tile_photons.clone()))
     }
 
     /// The first `texels` texels of a buffer: where the device is the CPU, straight from its memory; else by DMA into a
     /// pixel buffer, and from there.
-    fn copy<T: Pod>(&mut self, table: usize, context: &Context, from: &Buffer<T>, texels: usize) -> Result<()> {
+    fn copy<T: Pod>(&mut self, table: &str, context: &Context, from: &Buffer<T>, texels: usize) -> Result<()> {
         let records = texels * TEXEL * 4 / size_of::<T>();
-        let table = &mut self.tables[table];
+        let table = self.tables.table(table);
         if !context.device.is_gpu {
             return from.mapped(context, records, |records| table.fill_texels(records));
         }
@@ -175,23 +160,20 @@ impl PhotonTextures {
         program.set_records(&[Gather { slice: slice as f32, slices: slices as f32, ..self.gather }]);
     }
 
-    /// Binds the tables to the texture units from `first_unit` on and sets the uniforms. The program must be active,
-    /// with [`PhotonTextures::SAMPLERS`] at those units.
-    pub fn bind(&self, program: &Program, first_unit: u32) {
+    /// Gives the active program the map.
+    pub fn bind(&self, program: &Program) {
         program.set_records(std::slice::from_ref(&self.gather));
-        for (unit, table) in (first_unit..).zip(&self.tables) {
-            table.bind(unit);
-        }
+        self.tables.bind(program);
     }
 
     /// How often a table was filled.
     pub fn uploads(&self) -> u64 {
-        self.tables.iter().map(|t| t.uploads).sum()
+        self.tables.uploads()
     }
 
     /// Bytes in textures, padding included, and in the pixel buffer.
     pub fn bytes(&self) -> usize {
-        self.tables.iter().map(TableTexture::bytes).sum::<usize>() + self.pixels.bytes()
+        self.tables.bytes() + self.pixels.bytes()
     }
 }
 

@@ -25,9 +25,9 @@ struct Kernels {
 /// How photons come into the map.
 enum Storing {
     /// By a second walk, as on GPUs.
-    Counted(Counter),
+    Counted(Box<Counter>),
     /// From records of the only walk, as on CPUs.
-    Recorded(Recorder),
+    Recorded(Box<Recorder>),
 }
 
 /// The photon stage on a device.
@@ -82,9 +82,9 @@ impl Photons {
         let options = Options { lanes: context.device.lanes, defines, ..Options::default() };
         let source = assemble("photons.cl", Some(features), &options);
         let storing = if is_counted {
-            Storing::Counted(Counter::new(context, glossy, &source)?)
+            Storing::Counted(Box::new(Counter::new(context, glossy, &source)?))
         } else {
-            Storing::Recorded(Recorder::new(context, glossy, &source)?)
+            Storing::Recorded(Box::new(Recorder::new(context, glossy, &source)?))
         };
         self.kernels = Some(Kernels { made_for, storing });
         Ok(())

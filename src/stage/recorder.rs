@@ -4,7 +4,7 @@
 use super::paths::Range;
 use super::photon_map::PhotonMap;
 use super::walks::{Walks, batch_that_stores, check_stored};
-use crate::device::cl::{Arg, Buffer, Context, Kernel};
+use crate::device::cl::{Arguments, Buffer, Context, Kernel};
 use crate::device::memory::{RECORDING_BYTES, recorded_floats};
 use crate::error::{Error, Result};
 use crate::program::source::Source;
@@ -74,8 +74,9 @@ impl Recorder {
             let length = self.paths.min(paths.div_ceil(all)).clamp(1, MAX_PATHS);
             let batch = (paths - first).min(all * length);
             let items = batch.div_ceil(length * self.lanes) as usize;
-            let mut args = walks.args(&emitters, &Range { first, end: first + batch, length });
-            args.extend([Arg::Uint(self.room), (&self.records).into(), (&self.totals).into()]);
+            let recorded = Arguments::new().with("room", self.room).with("records", &self.records);
+            let recorded = recorded.with("totals", &self.totals);
+            let args = walks.arguments(&emitters, &Range { first, end: first + batch, length }).and(&recorded);
             context.launch(&self.record, &args, &[items], Some(&[1]))?;
             totals.resize(items * 2 * self.lanes as usize, 0u32);
             self.totals.read(context, &mut totals)?;
@@ -101,10 +102,7 @@ impl Recorder {
             let mut own =
                 PhotonMap::with_room(context, map, self.glossy, stored.min(limit.into()) as usize, room as usize)?;
             own.emitted = paths;
-            let mut args = vec![Arg::from(&self.records), (&self.totals).into()];
-            args.extend([Arg::Uint(self.room), (stored as u32).into(), limit.into()]);
-            args.extend([Arg::from(&own.positions), (&own.powers).into(), (&own.faces).into()]);
-            args.extend(own.directions.as_ref().map(Arg::from));
+            let args = recorded.and(&own.arguments()).with("first_slot", stored as u32).with("limit", limit);
             context.launch(&self.place, &args, &[items], Some(&[1]))?;
             own.stored = total.min(limit.into()) as usize;
             map = Some(own);
@@ -131,8 +129,7 @@ impl Recorder {
             let range = Range::new(context, first, end);
             let padded = range.runs().next_multiple_of(self.lanes) as usize;
             let offsets = Buffer::<u32>::new(context, padded + 1)?;
-            let mut args = walks.args(emitters, &range);
-            args.extend([Arg::from(&offsets), range.runs().into()]);
+            let args = walks.arguments(emitters, &range).with("counts", &offsets).with("runs", range.runs());
             walks.scene.launch(context, &self.count, &args, &range)?;
             walks.scan.exclusive(context, &offsets, padded + 1)?;
             let stored = offsets.get(context, padded)?;
@@ -146,8 +143,8 @@ impl Recorder {
         let from = range.first + run as u32 * range.length;
         let own = Range { first: from, end: range.end.min(from + range.length), ..range };
         let last = Buffer::from_slice(context, &[0u32])?;
-        let mut args = walks.args(&*walks.scene.emitters(context, range.end - range.first)?, &own);
-        args.extend([Arg::Uint(missing - offsets[run]), (&last).into()]);
+        let args = walks.arguments(&*walks.scene.emitters(context, range.end - range.first)?, &own);
+        let args = args.with("wanted", missing - offsets[run]).with("last_path", &last);
         context.launch(&self.last, &args, &[1], Some(&[1]))?;
         Ok(last.get(context, 0)? + 1)
     }

@@ -2,7 +2,7 @@
 
 use std::cell::RefCell;
 
-use crate::device::cl::{Arg, Buffer, Context, Kernel};
+use crate::device::cl::{Arguments, Buffer, Context, Kernel};
 use crate::error::Result;
 use crate::program::source::{self, Options};
 
@@ -64,17 +64,19 @@ impl Scan {
             }
             counts.push(tiles);
         }
-        let at = |level: usize| -> Arg { if level == 0 { values.into() } else { (&levels[level - 1]).into() } };
+        let at = |level: usize| if level == 0 { values } else { &levels[level - 1] };
+        let arguments = |level: usize| {
+            let args = Arguments::new().with("values", at(level)).with("totals", at(level + 1));
+            args.with("count", counts[level] as u32)
+        };
         for (level, &length) in counts.iter().enumerate() {
             let groups = length.div_ceil(self.tile);
-            let args = [at(level), at(level + 1), Arg::Uint(length as u32)];
-            context.launch(&self.tiles, &args, &[groups * self.group], Some(&[self.group]))?;
+            context.launch(&self.tiles, &arguments(level), &[groups * self.group], Some(&[self.group]))?;
         }
         // Down: what lies before each tile.
         for level in (0..counts.len() - 1).rev() {
             let groups = counts[level].div_ceil(self.tile).saturating_sub(1);
-            let args = [at(level), at(level + 1), Arg::Uint(counts[level] as u32)];
-            context.launch(&self.add, &args, &[groups * self.group], Some(&[self.group]))?;
+            context.launch(&self.add, &arguments(level), &[groups * self.group], Some(&[self.group]))?;
         }
         Ok(())
     }

@@ -1,7 +1,7 @@
 //! Stable radix sort of (key, number) pairs on the device (`kernels/sort.cl`).
 
 use super::scan::Scan;
-use crate::device::cl::{Buffer, Context, Kernel};
+use crate::device::cl::{Arguments, Buffer, Context, Kernel};
 use crate::error::Result;
 use crate::program::source::{Options, assemble};
 
@@ -138,30 +138,14 @@ impl Sort {
         let mut from = 0;
         for pass in 0..passes {
             let (to, shift) = (1 - from, (pass * self.digit_bits) as i32);
-            let (count_arg, per_owner_arg) = ((count as i32).into(), (per_owner as i32).into());
-            let owners_arg = (owners as i32).into();
-            let args = [
-                (&scratch.keys[from]).into(),
-                (&scratch.places).into(),
-                count_arg,
-                per_owner_arg,
-                shift.into(),
-                owners_arg,
-            ];
-            context.launch(&self.count, &args, &global, local)?;
+            let shared = Arguments::new().with("keys", &scratch.keys[from]).with("count", count as i32);
+            let shared = shared.with("per_item", per_owner as i32).with("shift", shift);
+            let shared = shared.with("owners", owners as i32);
+            context.launch(&self.count, &shared.clone().with("counts", &scratch.places), &global, local)?;
             self.scan.exclusive(context, &scratch.places, owners << self.digit_bits)?;
-            let args = [
-                (&scratch.keys[from]).into(),
-                (&scratch.values[from]).into(),
-                (&scratch.places).into(),
-                (&scratch.keys[to]).into(),
-                (&scratch.values[to]).into(),
-                count_arg,
-                per_owner_arg,
-                shift.into(),
-                i32::from(pass == 0).into(),
-                owners_arg,
-            ];
+            let args = shared.with("values", &scratch.values[from]).with("places", &scratch.places);
+            let args = args.with("sorted_keys", &scratch.keys[to]).with("sorted_values", &scratch.values[to]);
+            let args = args.with("numbers", i32::from(pass == 0));
             context.launch(&self.scatter, &args, &global, local)?;
             from = to;
         }

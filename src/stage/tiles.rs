@@ -4,9 +4,10 @@
 use super::longest_cell::LongestCell;
 use super::photon_map::Photons;
 use super::scan::Scan;
+use super::scene_buffers::SceneBuffers;
 use super::sort::{Scratch, Sort, each, share};
 use super::trace::draws::{cells_within, touched};
-use crate::device::cl::{Arg, Buffer, Context, Kernel};
+use crate::device::cl::{Arguments, Buffer, Context, Kernel};
 use crate::device::submissions;
 use crate::error::Result;
 use crate::plan::cells::Bounds;
@@ -14,7 +15,7 @@ use crate::plan::tiling::{Seen, TilePlan, TileSettings, check_pairs, plan, tiles
 use crate::program::features::Features;
 use crate::program::source::{Options, assemble};
 use crate::records::packing::Packed;
-use crate::records::{Frame, Gather, Light, Material, PhotonDirection, Region, Shape, TEXEL, Tile};
+use crate::records::{Frame, Gather, PhotonDirection, Region, Shape, TEXEL, Tile};
 
 /// The tiles' lists on the device. Buffers may be longer than what they hold.
 pub struct Tiles {
@@ -53,19 +54,12 @@ impl Tiles {
         })
     }
 
-    /// `PHOTON_PARAMS` of `shim.cl` where photons are gathered by tiles, in their order.
-    pub fn args(&self, stored: &Photons) -> [Arg; 9] {
-        [
-            (&self.gather).into(),
-            (&self.tiles).into(),
-            (&self.regions).into(),
-            (&self.cell_starts).into(),
-            (&self.tile_photons).into(),
-            stored.positions.into(),
-            stored.powers.into(),
-            stored.faces.into(),
-            stored.directions.unwrap_or(&self.no_directions).into(),
-        ]
+    /// `PHOTON_TILES` of `table_sets.rs`.
+    pub fn arguments(&self, stored: &Photons) -> Arguments {
+        let lists = Arguments::new().table(&self.gather).table(&self.tiles).table(&self.regions);
+        let lists = lists.with("cell_starts", &self.cell_starts).with("tile_photons", &self.tile_photons);
+        let photons = lists.table(stored.positions).table(stored.powers).with("photon_faces", stored.faces);
+        photons.table(stored.directions.unwrap_or(&self.no_directions))
     }
 
     /// About the most entries that one query looks at, where the longest cell is known.
@@ -108,9 +102,7 @@ pub struct TileStage {
     /// What lists were last made for: count and fill take another time for others.
     paced_for: Option<TileSettings>,
     scratch: Scratch,
-    shapes: Buffer<Shape>,
-    materials: Buffer<Material>,
-    lights: Buffer<Light>,
+    scene: SceneBuffers,
     frame: Buffer<Frame>,
     seen: Buffer<Slot>,
     seen_counts: Buffer<u32>,
@@ -149,9 +141,7 @@ impl TileStage {
             longest_cell: LongestCell::new(context)?,
             paced_for: None,
             scratch: Scratch::empty(context)?,
-            shapes: Buffer::new(context, 0)?,
-            materials: Buffer::new(context, 0)?,
-            lights: Buffer::new(context, 0)?,
+            scene: SceneBuffers::default(),
             frame: Buffer::new(context, 1)?,
             seen: Buffer::new(context, 0)?,
             seen_counts: Buffer::new(context, 0)?,
@@ -172,12 +162,7 @@ impl TileStage {
     /// # Errors
     /// [`crate::error::Error::Build`] and [`crate::error::Error::Device`] from the driver.
     pub fn upload(&mut self, context: &Context, packed: &Packed, features: &Features) -> Result<()> {
-        self.shapes.fit(context, packed.shapes.len())?;
-        self.materials.fit(context, packed.materials.len())?;
-        self.lights.fit(context, packed.lights.len())?;
-        self.shapes.write(context, &packed.shapes)?;
-        self.materials.write(context, &packed.materials)?;
-        self.lights.write(context, &packed.lights)?;
+        self.scene.upload(context, packed)?;
         if self.seen_kernel.as_ref().is_none_or(|(built, _)| built != features) {
             let options = Options { lanes: context.device.lanes, ..Options::default() };
             let source = assemble("tiles.cl", Some(features), &options);
@@ -210,22 +195,12 @@ impl TileStage {
             // No strip sees more faces than it has rays.
             let slots = self.seen_slots.min(strip[0] as usize * strip[1] as usize * samples);
             self.seen.fit(context, work_items * slots)?;
-            let args = [
-                (&self.frame).into(),
-                (&self.shapes).into(),
-                (&self.materials).into(),
-                (&self.lights).into(),
-                (&self.seen).into(),
-                (&self.seen_counts).into(),
-                (tile[0] as i32).into(),
-                (tile[1] as i32).into(),
-                (tiles[0] as i32).into(),
-                ((tiles[0] * tiles[1]) as i32).into(),
-                (strip[0] as i32).into(),
-                (strip[1] as i32).into(),
-                (slots as i32).into(),
-            ];
-            kernel.pace.expect((strip[0] * strip[1]) as f64 * samples as f64 * self.shapes.len() as f64);
+            let args = self.scene.arguments().table(&self.frame).with("slots", slots as i32);
+            let args = args.with("seen", &self.seen).with("counts", &self.seen_counts);
+            let args = args.with("tile_width", tile[0] as i32).with("tile_height", tile[1] as i32);
+            let args = args.with("tiles_across", tiles[0] as i32).with("tile_count", (tiles[0] * tiles[1]) as i32);
+            let args = args.with("strip_width", strip[0] as i32).with("strip_height", strip[1] as i32);
+            kernel.pace.expect((strip[0] * strip[1]) as f64 * samples as f64 * self.scene.shapes as f64);
             context.launch(kernel, &args, &[work_items], None)?;
             let mut counts = vec![0; work_items];
             self.seen_counts.read(context, &mut counts)?;
@@ -299,19 +274,12 @@ impl TileStage {
         let (items, per_item) = share(context, photons.count);
         self.counts.fit(context, items)?;
         self.entered.fit(context, photons.count)?;
-        let common: [Arg; 9] = [
-            photons.positions.into(),
-            photons.faces.into(),
-            (plan.size[1] as i32).into(),
-            (&self.slots).into(),
-            (&self.starts_of_lines).into(),
-            (&self.columns).into(),
-            (&self.boxes).into(),
-            (photons.count as i32).into(),
-            (per_item as i32).into(),
-        ];
-        let view: [Arg; 2] = [(&self.frame).into(), (&tiles.gather).into()];
-        let args = [&view[..], &common, &[(&self.counts).into(), (&self.entered).into()]].concat();
+        let shared = Arguments::new().table(photons.positions).with("photon_faces", photons.faces);
+        let shared = shared.with("tiles_down", plan.size[1] as i32).with("slots", &self.slots);
+        let shared = shared.with("starts", &self.starts_of_lines).with("columns", &self.columns);
+        let shared = shared.with("boxes", &self.boxes).with("entered", &self.entered);
+        let shared = shared.with("count", photons.count as i32).with("per_item", per_item as i32);
+        let args = shared.clone().table(&self.frame).table(&tiles.gather).with("counts", &self.counts);
         context.launch(&self.count, &args, &[items], None)?;
         let mut counts = vec![0u32; items];
         self.counts.read(context, &mut counts)?;
@@ -325,24 +293,19 @@ impl TileStage {
         self.pair_photons.fit(context, pairs)?;
         tiles.tile_photons.fit(context, pairs.next_multiple_of(TEXEL))?;
         self.sort.reserve(context, &mut self.scratch, pairs)?;
-        let places: [Arg; 5] = [
-            (&self.counts).into(),
-            (&self.entered).into(),
-            i32::from(plan.cells > plan.regions.len()).into(),
-            (&self.scratch.keys[0]).into(),
-            (&self.pair_photons).into(),
-        ];
-        let args = [&[(&tiles.regions).into()], &common[..], &places].concat();
+        let args = shared.table(&tiles.regions).with("celled", i32::from(plan.cells > plan.regions.len()));
+        let args = args.with("places", &self.counts).with("keys", &self.scratch.keys[0]);
+        let args = args.with("photons", &self.pair_photons);
         context.launch(&self.fill, &args, &[items], None)?;
         let sorted = self.sort.sort(context, &self.scratch, pairs, plan.cells)?;
         let (items, per_item) = each(context, pairs);
-        let tail: [Arg; 2] = [(pairs as i32).into(), (per_item as i32).into()];
-        let keys: Arg = (&self.scratch.keys[sorted]).into();
-        let args = [keys, (&tiles.cell_starts).into(), tail[0], (plan.cells as i32).into(), tail[1]];
+        let shared = Arguments::new().with("count", pairs as i32).with("per_item", per_item as i32);
+        let args = shared.clone().with("sorted_keys", &self.scratch.keys[sorted]).with("cells", plan.cells as i32);
+        let args = args.with("cell_starts", &tiles.cell_starts);
         // One place more than there are pairs: it ends the last cell.
         context.launch(&self.starts, &args, &[(pairs + 1).div_ceil(per_item)], None)?;
-        let order: Arg = (&self.scratch.values[sorted]).into();
-        let args = [order, (&self.pair_photons).into(), (&tiles.tile_photons).into(), tail[0], tail[1]];
+        let args = shared.with("order", &self.scratch.values[sorted]).with("photons", &self.pair_photons);
+        let args = args.with("tile_photons", &tiles.tile_photons);
         context.launch(&self.photons, &args, &[items], None)?;
         tiles.longest_cell = match submissions::cuts_all(context.device.is_gpu) {
             true => Some(self.longest_cell.of(context, &tiles.cell_starts, plan.cells)?),

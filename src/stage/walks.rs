@@ -4,7 +4,7 @@
 use super::paths::{Paths, Range};
 use super::scan::Scan;
 use crate::cpu::photons::{FRUITLESS_PATHS, fruitless};
-use crate::device::cl::{Arg, Buffer, Context};
+use crate::device::cl::{Arguments, Buffer, Context};
 use crate::error::{Error, Result};
 use crate::records::{Emitter, MAX_EXACT_INDEX};
 
@@ -32,9 +32,9 @@ pub struct Walks<'a> {
 }
 
 impl Walks<'_> {
-    /// Arguments that all kernels which walk begin with.
-    pub fn args(&self, emitters: &Buffer<Emitter>, range: &Range) -> Vec<Arg> {
-        self.scene.args(&[], emitters, range, self.stream)
+    /// What all kernels that walk take.
+    pub fn arguments(&self, emitters: &Buffer<Emitter>, range: &Range) -> Arguments {
+        self.scene.arguments(emitters, range, self.stream)
     }
 }
 

@@ -197,12 +197,12 @@ fn exact(case: &Case) -> Vec<(f64, f64)> {
 pub(super) fn run(bench: &mut Bench) -> Result<Found> {
     let mut found = Found::default();
     let mut curves: Vec<Curve> = Vec::new();
-    bench.step("estimator: photon maps");
+    bench.step("estimator: photon maps")?;
     for case in cases(bench) {
-        bench.step(&format!("estimator: {} in double precision", case.name));
+        bench.step(&format!("estimator: {} in double precision", case.name))?;
         let expected = bench.pool.clone().install(|| exact(&case));
         for backend in bench.backends() {
-            bench.step(&format!("estimator: {}, {}", case.name, backend.name()));
+            bench.step(&format!("estimator: {}, {}", case.name, backend.name()))?;
             let image = gathered(bench, backend, &case)?;
             let errors: Vec<f64> = image
                 .iter()

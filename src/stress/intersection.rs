@@ -325,7 +325,7 @@ const FLIP: f64 = 4.0;
 
 pub(super) fn run(bench: &mut Bench) -> Result<Found> {
     let each = bench.options.by_size(4_000, 40_000, 400_000u32);
-    bench.step("intersection: cases in double precision");
+    bench.step("intersection: cases in double precision")?;
     let fault = bench.options.fault;
     let cases: Vec<Case> = bench.pool.install(|| {
         let classes = Class::ALL.into_par_iter();
@@ -346,7 +346,7 @@ pub(super) fn run(bench: &mut Bench) -> Result<Found> {
     let mut found = Found::default();
     let mut curves = Vec::new();
     for backend in bench.backends() {
-        bench.step(&format!("intersection: {}", backend.name()));
+        bench.step(&format!("intersection: {}", backend.name()))?;
         let answers = match backend {
             Backend::Cpu => by_twin(bench, &cases, fault),
             _ => {

@@ -10,8 +10,10 @@ use crate::pipeline::open_device;
 use crate::program::features::{Features, Lights};
 use crate::program::source::{Options, assemble};
 use crate::records::packing::Packed;
-use crate::records::{Frame, Record, Shape, TEXTURE_WIDTH_LOG2};
+use crate::records::{Frame, TEXTURE_WIDTH_LOG2};
 use crate::settings::Backend;
+use crate::stage::scene_buffers::SceneBuffers;
+use crate::stage::table_textures::SceneTextures;
 
 use super::Fault;
 
@@ -138,24 +140,14 @@ impl Lab {
         );
         let kernel = context.kernel(&source, "stress_items")?;
         let frame = Buffer::from_slice(context, std::slice::from_ref(frame))?;
-        let shapes = Buffer::from_slice(context, &task.packed.shapes)?;
-        let materials = Buffer::from_slice(context, &task.packed.materials)?;
-        let lights = Buffer::from_slice(context, &task.packed.lights)?;
+        let scene = SceneBuffers::new(context, task.packed)?;
         let cases = Buffer::from_slice(context, task.cases)?;
         let mut answers = Vec::with_capacity(items.len());
         for first in items.clone().step_by(task.batch) {
             let here = task.batch.min(items.end - first);
             let words = Buffer::<Answer>::new(context, here)?;
-            let args = [
-                (&frame).into(),
-                (&shapes).into(),
-                (&materials).into(),
-                (&lights).into(),
-                (&cases).into(),
-                (&words).into(),
-                (first as i32).into(),
-                (here as i32).into(),
-            ];
+            let args = scene.arguments().table(&frame).with("cases", &cases).with("answers", &words);
+            let args = args.with("first", first as i32).with("count", here as i32);
             context.launch_paced(&kernel, &args, &[here.div_ceil(lanes as usize)], None)?;
             answers.extend(words.to_vec(context)?);
         }
@@ -180,18 +172,13 @@ impl Lab {
         let target = Target::new(&headless.gl, columns as u32, rows as u32, true)?;
         let batch = columns * rows;
         let mut cases = TableTexture::new(&headless.gl, TEXTURE_WIDTH_LOG2)?;
-        let mut shapes = TableTexture::new(&headless.gl, TEXTURE_WIDTH_LOG2)?;
+        let mut scene = SceneTextures::new(&headless.gl)?;
         cases.fill_texels::<[f32; 3]>(task.cases)?;
-        shapes.fill(&task.packed.shapes)?;
-        // A name that is an array of uniforms is no sampler.
-        program.activate(if features.in_uniforms { &["cases"] } else { &["cases", Shape::TABLE] });
+        scene.upload(task.packed, features.in_uniforms)?;
+        program.activate();
         program.set_records(std::slice::from_ref(frame));
-        cases.bind(0);
-        if features.in_uniforms {
-            program.set_records(&task.packed.shapes);
-        } else {
-            shapes.bind(1);
-        }
+        cases.bind(&program, "cases");
+        scene.bind(&program);
         program.set_int("stride", columns as i32);
         let mut answers = Vec::with_capacity(items.len());
         for first in items.clone().step_by(batch) {

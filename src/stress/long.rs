@@ -64,7 +64,7 @@ const WINDOW: f64 = 1e-5;
 
 pub(super) fn run(bench: &mut Bench) -> Result<Found> {
     let mut found = Found::default();
-    found.rows.push(film(bench));
+    found.rows.push(film(bench)?);
     found.rows.extend(window(bench)?);
     let scene = match built_in("gi_ref") {
         Some(scene) => scene?,
@@ -82,9 +82,9 @@ pub(super) fn run(bench: &mut Bench) -> Result<Found> {
 }
 
 /// The render's accumulator, fed with contributions between 10⁻³ and 10³.
-fn film(bench: &mut Bench) -> Row {
+fn film(bench: &mut Bench) -> Result<Row> {
     let count = bench.options.by_size(100_000, 1_000_000, 10_000_000u32);
-    bench.step("long: sums of the film");
+    bench.step("long: sums of the film")?;
     let mut film = Accumulator::new((1, 1), 0);
     let (mut exact, mut single) = (Exact::default(), 0.0f32);
     for number in 0..count {
@@ -99,7 +99,7 @@ fn film(bench: &mut Bench) -> Row {
     }
     let expected = exact.mean(count as usize);
     let case = format!("film: {count} contributions from 1e-3 to 1e3");
-    Row::new(Suite::Long, case, Backend::Cpu, MEAN, Spread::one((mean - expected).abs() / expected), DOUBLE)
+    Ok(Row::new(Suite::Long, case, Backend::Cpu, MEAN, Spread::one((mean - expected).abs() / expected), DOUBLE))
 }
 
 const MEAN: &str = "error of the mean, relative";
@@ -126,7 +126,7 @@ fn window(bench: &mut Bench) -> Result<Option<Row>> {
         mean.add_image(picture)?;
     }
     let errors = errors(&mean.read()?, &exact_means(&pictures));
-    bench.step("long: the window's mean");
+    bench.step("long: the window's mean")?;
     let case = format!("window: {passes} passes, constant and from 0.03 to 30");
     Ok(Some(Row::new(Suite::Long, case, Backend::OpenGl, MEAN, Spread::of(&errors), WINDOW)))
 }
@@ -141,7 +141,7 @@ fn passes(
     share: usize,
 ) -> Result<Vec<Row>> {
     let count = bench.options.by_size(40, 400, 10_000usize) / share;
-    bench.step(&format!("long: {count} passes of {name}, {}", backend.name()));
+    bench.step(&format!("long: {count} passes of {name}, {}", backend.name()))?;
     let mut settings = Settings { width: 8, height: 6, technique, ..Settings::default() };
     settings.photons.amount = Amount::Paths(200);
     settings.gather.radius = Some(1.0);

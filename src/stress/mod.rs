@@ -6,6 +6,8 @@
 
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use serde::Serialize;
 
@@ -191,6 +193,8 @@ pub struct Options {
     pub size: Size,
     /// What is broken on purpose.
     pub fault: Option<Fault>,
+    /// Set from outside: it ends before the next step, and tells what was found until then.
+    pub stop: Arc<AtomicBool>,
 }
 
 impl Options {
@@ -226,8 +230,15 @@ pub enum Progress<'a> {
 
 impl Bench<'_> {
     /// Says what goes on now.
-    fn step(&mut self, what: &str) {
+    ///
+    /// # Errors
+    /// [`Error::Failed`] where it shall not.
+    fn step(&mut self, what: &str) -> Result<()> {
+        if self.options.stop.load(Ordering::Relaxed) {
+            return Err(Error::Failed(format!("interrupted before {what}")));
+        }
         (self.progress)(Progress::Step(what));
+        Ok(())
     }
 
     fn backends(&self) -> Vec<Backend> {
@@ -267,6 +278,8 @@ pub struct Report {
     pub failed: usize,
     /// Quantities that were measured, with their bounds.
     pub rows: Vec<Row>,
+    /// Why suites are missing: interrupted, or what a device answered.
+    pub ended: Option<String>,
     /// Curves, under their files' names.
     #[serde(skip)]
     pub charts: Vec<(String, Chart)>,
@@ -286,25 +299,33 @@ pub fn run(suites: &[Suite], options: &Options, progress: &mut dyn FnMut(Progres
     let pool = rayon::ThreadPoolBuilder::new().num_threads(options.threads).build();
     let pool = pool.map(Rc::new).map_err(|error| Error::Device(format!("{} threads: {error}", options.threads)))?;
     let mut bench = Bench { options, lab, pool, progress };
-    let (mut rows, mut charts) = (Vec::new(), Vec::new());
+    let (mut rows, mut charts, mut ended) = (Vec::new(), Vec::new(), None);
     for suite in suites {
-        let found = suite.run(&mut bench)?;
+        let found = match suite.run(&mut bench) {
+            Ok(found) => found,
+            // What was found before is not lost.
+            Err(error) if !rows.is_empty() => {
+                ended = Some(format!("{}: {error}", suite.name()));
+                break;
+            }
+            Err(error) => return Err(error),
+        };
         rows.extend(found.rows);
         charts.extend(found.charts);
     }
     machine.finish();
     let failed = rows.iter().filter(|row| !row.holds).count();
     let seconds = begin.elapsed().as_secs_f64();
-    Ok(Report { machine, size: options.size, fault: options.fault, seconds, failed, rows, charts })
+    Ok(Report { machine, size: options.size, fault: options.fault, seconds, failed, rows, ended, charts })
 }
 
 impl Report {
-    /// The report as text, for a terminal.
-    pub fn text(&self) -> String {
+    /// The report as text, for a terminal of so many columns.
+    pub fn text(&self, columns: usize) -> String {
         format!(
             "{}\n{}\n{} rows, {} beyond their bounds, {:.0} s\n",
-            self.machine.text(),
-            summary::table(&self.rows).text(),
+            self.machine.text_within(columns),
+            summary::table(&self.rows).text_within(columns),
             self.rows.len(),
             self.failed,
             self.seconds

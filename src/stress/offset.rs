@@ -78,13 +78,13 @@ pub(super) fn run(bench: &mut Bench) -> Result<Found> {
             settings.photons.amount = Amount::Paths(paths);
             settings.gather.method = Method::Grid;
             settings.gather.radius = Some(0.4);
-            bench.step(&format!("offset: {name}, {}", backend.name()));
+            bench.step(&format!("offset: {name}, {}", backend.name()))?;
             let here = pipeline.render(&scene, &settings)?.image;
             let other_seed = Settings { seed: 1, ..settings.clone() };
             // Two independent pictures differ by √2 of the error of one.
             let noise = rmse(&pipeline.render(&scene, &other_seed)?.image, &here)? / std::f64::consts::SQRT_2;
             for (place, scale, by) in PLACES.into_iter().take(places) {
-                bench.step(&format!("offset: {name} {place}, {}", backend.name()));
+                bench.step(&format!("offset: {name} {place}, {}", backend.name()))?;
                 let mut moved = placed(&scene, scale, by);
                 if bench.options.fault == Some(Fault::WorldCoordinates) {
                     moved = rounded(moved);

@@ -53,7 +53,7 @@ pub(super) fn run(bench: &mut Bench) -> Result<Found> {
     let packed =
         Packed { origin: DVec3::ZERO, shapes: Vec::new(), sphere_count: 0, lights: Vec::new(), materials: Vec::new() };
     for backend in bench.backends() {
-        bench.step(&format!("random: counters, {}", backend.name()));
+        bench.step(&format!("random: counters, {}", backend.name()))?;
         let answers = match backend {
             Backend::Cpu => bench.pool.install(|| counters.par_iter().map(|pair| twin(*pair, fault)).collect()),
             _ => {
@@ -87,7 +87,7 @@ pub(super) fn run(bench: &mut Bench) -> Result<Found> {
             found.rows.push(Row::new(Suite::Random, "counters at limits", backend, measure, spread, bound));
         }
     }
-    bench.step("random: statistics");
+    bench.step("random: statistics")?;
     found.rows.extend(statistics(bench));
     Ok(found)
 }

@@ -124,7 +124,7 @@ pub(super) fn run(bench: &mut Bench) -> Result<Found> {
         let (mut pixels, mut bad, mut refused, mut worst) = (0, 0, 0u64, String::new());
         for (name, parts) in cases().into_iter().step_by(every) {
             for (light, technique) in modes {
-                bench.step(&format!("special: {name}, {}", backend.name()));
+                bench.step(&format!("special: {name}, {}", backend.name()))?;
                 let mut settings =
                     Settings { width, height, light: *light, technique: *technique, ..Settings::default() };
                 settings.photons.amount = Amount::Paths(bench.options.by_size(500, 1_000, 10_000));

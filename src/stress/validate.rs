@@ -1,7 +1,7 @@
 //! Does every field arrive? Packs records, uploads them through the real path, reads each field back through the very
 //! accessors that the tracer uses, and demands the same bits.
 
-use crate::device::cl::{self, Buffer};
+use crate::device::cl::{self, Arguments, Buffer};
 use crate::device::gl::{Headless, Program, TableTexture, Target};
 use crate::error::{Error, Result};
 use crate::program::source::{Options, Source, assemble};
@@ -157,12 +157,12 @@ fn read_gl(
     let mut table = TableTexture::new(&headless.gl, width_log2)?;
     let program = Program::new(&headless.gl, source)?;
     let uniforms = record.single || source.permutation.contains(IN_UNIFORMS);
-    program.activate(if uniforms { &[] } else { std::slice::from_ref(&record.table) });
+    program.activate();
     if uniforms {
         program.set_texels(record.table, bytemuck::cast_slice(floats));
     } else {
         table.fill_texels(floats)?;
-        table.bind(0);
+        table.bind(&program, record.table);
     }
     program.set_int("first", first as i32);
     program.set_int("stride", columns as i32);
@@ -192,7 +192,8 @@ fn read_cl(
     let kernel = context.kernel(source, kernel)?;
     let mut found = Vec::new();
     for field in 0..record.fields.len() as i32 {
-        let args = [(&table).into(), (&bits).into(), field.into(), (first as i32).into(), (count as i32).into()];
+        let args = Arguments::new().with(record.table, &table).with("bits", &bits).with("field", field);
+        let args = args.with("first", first as i32).with("count", count as i32);
         context.launch(&kernel, &args, &[items], Some(&[64]))?;
         found.push(bits.to_vec(context)?);
     }

@@ -1,5 +1,7 @@
 //! The window's life: it opens, takes events, and closes.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use winit::application::ApplicationHandler;
@@ -9,7 +11,9 @@ use winit::window::WindowId;
 
 use super::open::{Open, Wake};
 use super::player::Player;
+use super::screen;
 use super::summary::{Options, Summary};
+use crate::device::gl::plain;
 use crate::device::live_objects::{Api, alive};
 use crate::error::{Error, Result};
 
@@ -18,27 +22,34 @@ use crate::error::{Error, Result};
 /// # Errors
 /// [`Error::Driver`] without a display or OpenGL; whatever ends the window early.
 pub fn run(options: Options, started: Instant) -> Result<Summary> {
-    let events = EventLoop::<Wake>::with_user_event()
+    let mut builder = EventLoop::<Wake>::with_user_event();
+    screen::choose(&mut builder);
+    let events = builder
         .build()
-        .map_err(|error| Error::Driver(format!("window: no display: {error} (X11 or Wayland is needed)")))?;
+        .map_err(|error| Error::Driver(format!("window: no display: {} (X11 or Wayland is needed)", plain(error))))?;
     let mut app = App {
         summary: Summary { scene: options.scene.name.clone(), ..Summary::default() },
+        stop: Arc::clone(&options.stop),
         options: Some(options),
         proxy: events.create_proxy(),
         open: None,
         failed: None,
         started,
     };
-    events.run_app(&mut app).map_err(|error| Error::Driver(format!("window: {error}")))?;
+    events.run_app(&mut app).map_err(|error| Error::Driver(format!("window: {}", plain(error))))?;
     let App { failed, mut summary, .. } = app;
     (summary.gl_objects_left, summary.cl_objects_left) = (alive(Api::OpenGl), alive(Api::OpenCl));
     match failed {
-        Some(error) => Err(error),
+        Some(error) => match summary.unsaved {
+            Some(path) => Err(Error::Failed(format!("{error}; {} has the edits that were not saved", path.display()))),
+            None => Err(error),
+        },
         None => Ok(summary),
     }
 }
 
 struct App {
+    stop: Arc<AtomicBool>,
     options: Option<Options>,
     proxy: EventLoopProxy<Wake>,
     open: Option<Open>,
@@ -94,6 +105,11 @@ impl ApplicationHandler<Wake> for App {
         if open.player.as_ref().is_some_and(Player::is_done) {
             events.exit();
         }
+        // Looked at four times a second, when nothing else happens.
+        if self.stop.load(Ordering::Relaxed) {
+            self.summary.interrupted = true;
+            events.exit();
+        }
     }
 
     fn exiting(&mut self, _: &ActiveEventLoop) {
@@ -102,7 +118,7 @@ impl ApplicationHandler<Wake> for App {
                 self.summary.replayed = Some(player.finish(open.terms.budget));
             }
             self.summary.frames = open.panes.iter().flatten().map(|pane| pane.frames).sum();
-            open.close(&mut self.summary);
+            open.close(&mut self.summary, self.failed.is_some());
         }
     }
 }

@@ -31,6 +31,7 @@ mod events;
 mod exchange;
 mod input;
 mod job;
+mod journal;
 mod open;
 mod overlay;
 mod painting;
@@ -39,11 +40,14 @@ mod panel;
 mod player;
 mod recent_costs;
 mod request;
+mod screen;
 mod state;
 mod summary;
 mod thread;
 mod worker;
 
 pub use app::run;
+pub use journal::left_over;
 pub use request::{Key, Request};
+
 pub use summary::{Options, Summary};

@@ -16,6 +16,7 @@ use super::exchange::{News, Terms};
 use super::history::History;
 use super::input::Input;
 use super::job::{Goal, Job};
+use super::journal::Journal;
 use super::markers::ShownMarkers;
 use super::pane::Pane;
 use super::panel;
@@ -80,6 +81,8 @@ pub struct Open {
     pub title: String,
     /// Notices when the scene file changes.
     pub watch: Watch,
+    /// Edits that are not in it.
+    pub journal: Journal,
     /// The path that is recorded.
     pub recording: Recording,
     /// The script that is replayed.
@@ -133,7 +136,7 @@ impl Open {
             wake: Arc::new(move || drop(proxy.send_event(Wake))),
         };
         let backend = options.machine.backend.unwrap_or(Backend::OpenGl);
-        let watch = Watch::new(&options.path);
+        let (watch, journal) = (Watch::new(&options.path), Journal::new(&options.path));
         let (now, named) = (options.record.is_some(), format!("{}.path.toml", options.scene.name));
         let recording = Recording::new(options.record.unwrap_or_else(|| PathBuf::from(named)), now);
         let player = options.script.map(|script| Player::new(script, options.table));
@@ -168,15 +171,21 @@ impl Open {
             screenshot: options.screenshot,
             title: String::new(),
             watch,
+            journal,
             recording,
             player,
         })
     }
 
     /// Lets go of everything in the order in which it depends on each other.
-    pub fn close(mut self, summary: &mut Summary) {
+    /// Edits that are not saved are kept where nobody closed the window, but something did, or something `failed`.
+    pub fn close(mut self, summary: &mut Summary, failed: bool) {
         if self.recording.is_on() {
             self.record(summary);
+        }
+        match summary.interrupted || failed {
+            true => summary.unsaved = self.journal.keep(&self.state),
+            false => self.journal.close(),
         }
         self.panes = [None, None]; // waits for their threads
         let driver_lock = Arc::clone(&self.terms.driver_lock);
@@ -213,6 +222,7 @@ impl Open {
             None => {}
         }
         self.recording.see(now, &self.state);
+        self.journal.see(now, &self.state);
         if let (Some(player), Some(pane)) = (&mut self.player, &self.panes[0]) {
             self.wants_paint |= player.play(&mut self.state, pane);
         }

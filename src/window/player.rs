@@ -2,7 +2,7 @@
 
 use std::io::Write as _;
 use std::path::PathBuf;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use super::exchange::Frame;
 use super::pane::Pane;
@@ -74,16 +74,20 @@ impl Player {
     }
 }
 
+/// A recording of so long may be lost when something ends the program.
+const KEEP_EVERY: Duration = Duration::from_secs(2);
+
 /// A path that is recorded, when it is.
 pub struct Recording {
     recorder: Option<(Recorder, Instant)>,
     path: PathBuf,
+    kept: Instant,
 }
 
 impl Recording {
     /// Into a file; `now`: from the beginning on.
     pub fn new(path: PathBuf, now: bool) -> Recording {
-        Recording { recorder: now.then(|| (Recorder::default(), Instant::now())), path }
+        Recording { recorder: now.then(|| (Recorder::default(), Instant::now())), path, kept: Instant::now() }
     }
 
     /// Whether key frames are being recorded.
@@ -95,6 +99,12 @@ impl Recording {
     pub fn see(&mut self, now: Instant, state: &State) {
         if let Some((recorder, since)) = &mut self.recorder {
             recorder.see((now - *since).as_secs_f64(), &state.scene_as_seen());
+            if now - self.kept >= KEEP_EVERY {
+                self.kept = now;
+                // What cannot be written is told at the end.
+                let text = recorder.clone().finish(&state.scene);
+                drop(text.map(|text| write_beside(&self.path, |file| file.write_all(text.as_bytes()))));
+            }
         }
     }
 

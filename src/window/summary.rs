@@ -1,6 +1,8 @@
 //! How a window begins, and what it was.
 
 use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use super::ladder::Budget;
 use super::replay::Replayed;
@@ -36,6 +38,8 @@ pub struct Options {
     pub record: Option<PathBuf>,
     /// Keep a table of all the script's pictures.
     pub table: bool,
+    /// Set from outside: the window closes, and keeps the edits that were not saved.
+    pub stop: Arc<AtomicBool>,
 }
 
 /// What a window was, for `--json`.
@@ -53,6 +57,10 @@ pub struct Summary {
     pub first_backend_ms: Option<f64>,
     /// How many pictures were shown.
     pub frames: u64,
+    /// It was closed from outside, by a signal.
+    pub interrupted: bool,
+    /// Where edits are that were not saved by then.
+    pub unsaved: Option<PathBuf>,
     /// Screenshots and other files written.
     pub written: Vec<PathBuf>,
     /// Times that the scene file was read again.

@@ -227,7 +227,7 @@ fn an_unknown_device_is_refused_with_those_that_are_there() {
     }
     for backend in [&["--backend", "opencl"][..], &[]] {
         run(&[&["render", GI_REF, "--device", "no such device"], backend, &SMALL].concat())
-            .ends(2, &["no OpenCL device matches 'no such device'", "there are '"]);
+            .ends(2, &["no OpenCL device matches 'no such device'", "there are #1 '"]);
     }
 }
 

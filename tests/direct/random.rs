@@ -1,6 +1,6 @@
 //! Random numbers are the same integers on every backend, so samples lie in the very same places.
 
-use photile::device::cl::{self, Buffer};
+use photile::device::cl::{self, Arguments, Buffer};
 use photile::device::gl::{Headless, Program, Target};
 use photile::program::source::{Options, assemble_text};
 use photile::rays::camera::{jitter_x, jitter_y};
@@ -71,7 +71,9 @@ fn opencl_draws_the_twins_numbers() {
         let source = assemble_text("draw.cl", &kernel(), &Options { lanes, ..Options::default() });
         let kernel = context.kernel(&source, "draw").unwrap_or_else(|error| panic!("{error}"));
         let numbers = Buffer::<[u32; 8]>::new(&context, COUNT as usize).unwrap();
-        context.launch(&kernel, &[(&numbers).into()], &[(COUNT / lanes) as usize], None).unwrap();
+        context
+            .launch(&kernel, &Arguments::new().with("numbers", &numbers), &[(COUNT / lanes) as usize], None)
+            .unwrap();
         let numbers = numbers.to_vec(&context).unwrap();
         assert_eq!(wrong(|i| numbers[i]), 0, "{lanes} lanes");
         assert!(wrong(|i| numbers[i ^ 1]) > 0);
@@ -86,7 +88,7 @@ fn opengl_draws_the_twins_numbers() {
     let program = Program::new(&context.gl, &source).unwrap_or_else(|error| panic!("{error}"));
     let target = Target::new(&context.gl, 128, COUNT / 128, true).unwrap();
     let halves = [0, 4].map(|first| {
-        program.activate(&[]);
+        program.activate();
         program.set_int("first", first);
         target.draw(&program).unwrap();
         target.read()

@@ -5,12 +5,12 @@ use std::f64::consts::PI;
 use glam::{DVec3, Vec3};
 use photile::cpu::gather::{self, photon_radiance};
 use photile::cpu::grid::{GridTables, face_of, grid};
-use photile::device::cl::{Arg, Buffer, Context};
+use photile::device::cl::{Buffer, Context};
 use photile::device::gl::{Headless, Program, Target};
 use photile::plan::cells::{CellSize, Form, GridPlan};
 use photile::program::features::{Features, Lights};
 use photile::program::gathering::{DensityKernel, Gathering, Method};
-use photile::program::source::{Options, assemble};
+use photile::program::source::{Options, Source, assemble};
 use photile::rays::camera::camera_direction;
 use photile::rays::scene::{SceneTables, Surface};
 use photile::records::packing::Packed;
@@ -18,6 +18,7 @@ use photile::records::{Frame, Material, SPHERE, Shape};
 use photile::stage::grid::{Grid, GridSettings, GridStage};
 use photile::stage::photon_map::PhotonMap;
 use photile::stage::photon_textures::PhotonTextures;
+use photile::stage::scene_buffers::SceneBuffers;
 
 use super::timings::closed_room;
 use super::{Map, ROOM_SPHERES, Random, device, packed_of, room, room_material, room_photons, surface_point, upload};
@@ -78,6 +79,36 @@ fn built<'a>(
     (stage.build(context, &shapes, map, wanted).unwrap(), None)
 }
 
+/// As `on_device` with a text that `change` has changed.
+fn on_device_with(
+    context: &Context,
+    stage: &mut GridStage,
+    map: &Map,
+    wanted: &GridSettings,
+    (gathering, lanes): (Gathering, u32),
+    change: impl FnOnce(&mut Source),
+) -> Vec<[f32; 3]> {
+    let (grid, stored) = built(context, stage, upload(context, map), wanted, gathering.method);
+    let stored = stored.as_ref().map(PhotonMap::view);
+    let packed = packed();
+    let gathering = Gathering { hashed: grid.plan.hashed, ..gathering };
+    let lanes = gathering.lanes(lanes);
+    let options = Options { lanes, defines: gathering.defines(), ..Options::default() };
+    let mut source = assemble("trace.cl", Some(&features()), &options);
+    change(&mut source);
+    let kernel = context.kernel(&source, "trace").unwrap();
+    let frame = Buffer::from_slice(context, &[frame()]).unwrap();
+    let scene = SceneBuffers::new(context, &packed).unwrap();
+    let film = Buffer::<[f32; 3]>::new(context, WIDTH * HEIGHT).unwrap();
+    let args = scene.arguments().table(&frame).and(&grid.arguments(stored.as_ref(), gathering.method).unwrap());
+    let args = args.with("film", &film).with("width", WIDTH as i32).with("height", HEIGHT as i32);
+    // As many bands as rows, one after the other: uncut.
+    let args = args.with("bands", HEIGHT as i32).with("stride", 1);
+    // More work-items than any block size needs: the kernel drops the surplus.
+    context.launch(&kernel, &args, &[WIDTH, HEIGHT], None).unwrap();
+    film.to_vec(context).unwrap()
+}
+
 fn on_device(
     context: &Context,
     stage: &mut GridStage,
@@ -86,26 +117,7 @@ fn on_device(
     gathering: Gathering,
     lanes: u32,
 ) -> Vec<[f32; 3]> {
-    let (grid, stored) = built(context, stage, upload(context, map), wanted, gathering.method);
-    let stored = stored.as_ref().map(PhotonMap::view);
-    let packed = packed();
-    let gathering = Gathering { hashed: grid.plan.hashed, ..gathering };
-    let lanes = gathering.lanes(lanes);
-    let options = Options { lanes, defines: gathering.defines(), ..Options::default() };
-    let kernel = context.kernel(&assemble("trace.cl", Some(&features()), &options), "trace").unwrap();
-    let frame = Buffer::from_slice(context, &[frame()]).unwrap();
-    let shapes = Buffer::from_slice(context, &packed.shapes).unwrap();
-    let lights = Buffer::from_slice(context, &packed.lights).unwrap();
-    let film = Buffer::<[f32; 3]>::new(context, WIDTH * HEIGHT).unwrap();
-    let mut args: Vec<Arg> = vec![(&frame).into(), (&shapes).into(), (&lights).into()];
-    args.extend(grid.args(stored.as_ref(), gathering.method).unwrap());
-    // As many bands as rows, one after the other: uncut.
-    let [width, bands] = [WIDTH, HEIGHT].map(|n| Arg::Int(n as i32));
-    let film_args: [Arg; 5] = [(&film).into(), width, bands, bands, Arg::Int(1)];
-    args.extend(film_args);
-    // More work-items than any block size needs: the kernel drops the surplus.
-    context.launch(&kernel, &args, &[WIDTH, HEIGHT], None).unwrap();
-    film.to_vec(context).unwrap()
+    on_device_with(context, stage, map, wanted, (gathering, lanes), |_| {})
 }
 
 fn on_gl(
@@ -125,10 +137,10 @@ fn on_gl(
     let options = Options { defines: gathering.defines(), ..Options::default() };
     let program = Program::new(&headless.gl, &assemble("trace.frag", Some(&features()), &options)).unwrap();
     let target = Target::new(&headless.gl, WIDTH as u32, HEIGHT as u32, false).unwrap();
-    program.activate(&PhotonTextures::SAMPLERS);
+    program.activate();
     program.set_records(&[frame()]);
-    program.set_records(&packed.shapes);
-    photons.bind(&program, 0);
+    packed.tables().into_iter().for_each(|(name, floats)| program.set_texels(name, floats));
+    photons.bind(&program);
     target.draw(&program).unwrap();
     target.read().iter().map(|[r, g, b, _]| [*r, *g, *b].map(f32::from_bits)).collect()
 }
@@ -461,6 +473,40 @@ fn an_even_sphere_is_as_bright_in_discs_of_every_size() {
             }
         }
     }
+}
+
+/// Turns the order of a set's members round, where it is declared; whether there is such a set of more than one.
+fn turn_round(source: &mut Source, set: &str) -> bool {
+    let turned = |line: &str| {
+        let (head, members) = [format!("#define {set}_PARAMS "), format!("#define {set} ")]
+            .iter()
+            .find_map(|head| Some((head.clone(), line.strip_prefix(head.as_str())?)))?;
+        let members: Vec<&str> = members.split_inclusive(',').collect();
+        Some(head + &members.into_iter().rev().collect::<Vec<_>>().join(" "))
+    };
+    let lines: Vec<String> = source.text.lines().map(|line| turned(line).unwrap_or_else(|| line.into())).collect();
+    let text = lines.join("\n") + "\n";
+    let is_other = text != source.text;
+    source.text = text;
+    is_other
+}
+
+#[test]
+fn a_set_in_another_order_renders_the_same() {
+    let context = device();
+    let mut stage = GridStage::new(&context).unwrap();
+    let map = room_photons(500, 11);
+    let wanted = GridSettings::radius(0.5);
+    let mut by = |change: &dyn Fn(&mut Source)| {
+        on_device_with(&context, &mut stage, &map, &wanted, (Gathering::default(), context.device.lanes), change)
+    };
+    let usual = by(&|_| {});
+    let turned = by(&|source| {
+        for set in ["PACKED", "PHOTONS"] {
+            assert!(turn_round(source, set), "{set}");
+        }
+    });
+    assert!(usual == turned);
 }
 
 #[test]

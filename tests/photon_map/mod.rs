@@ -1,6 +1,7 @@
 //! The photon grid and its gathering: device against twin, grid against brute force.
 
 mod gathered;
+mod launches;
 mod memory;
 mod permutations;
 mod pictures;

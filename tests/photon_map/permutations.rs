@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use photile::device::gl::{Headless, Program};
 use photile::program::gathering::Gathering;
 use photile::program::source::{Options, assemble};
+use photile::records::table_sets::SCENE;
 use photile::settings::{DensityKernel, Method};
 
 use super::device;
@@ -54,8 +55,13 @@ fn every_gathering_compiles_in_opengl() {
         }
         let counts = (number % 4 < 2).then_some([2, 3]);
         let features = photile::program::features::Features { glossy: number % 3 > 0, counts, ..features() };
+        let all_defines = [features.defines(), defines.clone()].concat();
         let source = assemble("trace.frag", Some(&features), &Options { defines, ..Options::default() });
-        Program::new(&headless.gl, &source).unwrap_or_else(|error| panic!("{gathering:?}: {error}"));
+        let program = Program::new(&headless.gl, &source).unwrap_or_else(|error| panic!("{gathering:?}: {error}"));
+        // What it reads is what OpenCL's functions would be given.
+        let known = SCENE.textures(Some(&all_defines));
+        let strange: Vec<&str> = program.samplers().filter(|name| !known.contains(name)).collect();
+        assert!(strange.is_empty(), "{gathering:?}: {strange:?} are in no table set of this program, {known:?}");
     }
 }
 

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use glam::Vec3;
-use photile::device::cl::{Arg, Buffer};
+use photile::device::cl::Buffer;
 use photile::device::gl::{Headless, Program, Target};
 use photile::plan::cells::CellSize;
 use photile::program::features::{Features, Lights};
@@ -14,6 +14,7 @@ use photile::records::{Frame, Material, PLANE, Shape};
 use photile::stage::grid::{GridSettings, GridStage};
 use photile::stage::photon_map::PhotonMap;
 use photile::stage::photon_textures::PhotonTextures;
+use photile::stage::scene_buffers::SceneBuffers;
 
 use super::{Map, Random, device, packed_of, surface_point, upload};
 
@@ -115,8 +116,7 @@ fn timings() {
     let uploaded = upload(&context, &map);
     let mut stored = Some(PhotonMap { directions: None, ..uploaded });
     let frame_buffer = Buffer::from_slice(&context, &[frame()]).unwrap();
-    let shapes = Buffer::from_slice(&context, &packed.shapes).unwrap();
-    let lights = Buffer::from_slice(&context, &packed.lights).unwrap();
+    let scene = SceneBuffers::new(&context, &packed).unwrap();
     let film = Buffer::<[f32; 3]>::new(&context, WIDTH * HEIGHT).unwrap();
     let headless = Headless::new().ok();
     for radius in [0.1f32, 0.2] {
@@ -129,11 +129,10 @@ fn timings() {
                 let options = Options { lanes, defines: gathering.defines(), ..Options::default() };
                 let source = assemble("trace.cl", Some(&features), &options);
                 let kernel = context.kernel(&source, "trace").unwrap();
-                let mut args: Vec<Arg> = vec![(&frame_buffer).into(), (&shapes).into(), (&lights).into()];
-                args.extend(grid.args(None, gathering.method).unwrap());
-                let [width, bands] = [WIDTH, HEIGHT].map(|n| Arg::Int(n as i32));
-                let film_args: [Arg; 5] = [(&film).into(), width, bands, bands, Arg::Int(1)];
-                args.extend(film_args);
+                let map = grid.arguments(None, gathering.method).unwrap();
+                let args = scene.arguments().table(&frame_buffer).and(&map).with("film", &film);
+                let args = args.with("width", WIDTH as i32).with("height", HEIGHT as i32);
+                let args = args.with("bands", HEIGHT as i32).with("stride", 1);
                 let (columns, rows) = if lanes == 16 { (4, 4) } else { (1, 1) };
                 let (median, least) = time(9, || {
                     context.launch(&kernel, &args, &[WIDTH / columns, HEIGHT / rows], Some(&[8, 8])).unwrap();
@@ -147,10 +146,10 @@ fn timings() {
             let options = Options { defines: gathering.defines(), ..Options::default() };
             let program = Program::new(&headless.gl, &assemble("trace.frag", Some(&features), &options)).unwrap();
             let target = Target::new(&headless.gl, WIDTH as u32, HEIGHT as u32, false).unwrap();
-            program.activate(&PhotonTextures::SAMPLERS);
+            program.activate();
             program.set_records(&[frame()]);
-            program.set_records(&packed.shapes);
-            textures.bind(&program, 0);
+            packed.tables().into_iter().for_each(|(name, floats)| program.set_texels(name, floats));
+            textures.bind(&program);
             let (median, least) = time(3, || target.draw(&program).unwrap());
             println!("R = {radius}, cell {ratio:.2} R, OpenGL          : {median:6.1} ({least:.1})");
         }

@@ -8,7 +8,8 @@ use photile::stress::{Fault, Options, Report, Size, Suite, run};
 use super::one_at_a_time;
 
 fn stress(suites: &[Suite], backends: &[Backend], fault: Option<Fault>) -> Report {
-    let options = Options { backends: backends.to_vec(), device: None, threads: 2, size: Size::Tiny, fault };
+    let (backends, stop) = (backends.to_vec(), Default::default());
+    let options = Options { backends, device: None, threads: 2, size: Size::Tiny, fault, stop };
     run(suites, &options, &mut |_| ()).unwrap_or_else(|error| panic!("{error}"))
 }
 

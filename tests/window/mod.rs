@@ -4,7 +4,7 @@
 //! Without Xvfb or xdotool they are skipped; with PHOTILE_REQUIRE_DRIVERS=1, as in CI, they fail instead.
 
 mod controls;
-mod display;
+pub mod display;
 mod gaps;
 mod pictures;
 mod scene_file;

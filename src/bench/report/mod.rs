@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::saved;
 use super::table::{Table, Value};
 use super::timing::Samples;
-use super::{MachineInfo, Measured, Options, Progress, Report, Steps, Suite};
+use super::{MachineInfo, Measured, Options, Progress, Report, Steps, Suite, or_end};
 use crate::error::{Error, Result};
 use crate::pipeline::Pipeline;
 use crate::settings::{Amount, Backend};
@@ -113,6 +113,7 @@ pub fn run(options: &Options, machine: &MachineInfo, progress: &mut dyn FnMut(Pr
         steps.notice(&format!("{kept} of {} rows are measured already and kept", cases.len()));
     }
     let mut bench = Bench { options, plan: &plan, open: Vec::new(), errors: Vec::new() };
+    let mut ended = None;
     for case in &cases {
         if options.stop.load(std::sync::atomic::Ordering::Relaxed) {
             break;
@@ -121,21 +122,30 @@ pub fn run(options: &Options, machine: &MachineInfo, progress: &mut dyn FnMut(Pr
         if rows.iter().any(|row| row.is_of(case)) {
             continue;
         }
-        let Some(row) = bench.measure(case, &mut steps)? else { continue };
+        let Some(row) = or_end(bench.measure(case, &mut steps), !rows.is_empty(), &mut ended)? else { break };
+        let Some(row) = row else { continue };
         rows.push(row);
         if let Some(directory) = &options.directory {
             let measured = measured(&plan, &cases, &rows)?;
             let Measured { settings, rows, .. } = measured;
             let nothing = (Vec::new(), Vec::new());
             let machine = machine.clone();
-            Report { suite: Suite::Report, machine, settings, rows, summaries: nothing.0, charts: nothing.1 }
-                .write_to(directory)?;
+            Report {
+                suite: Suite::Report,
+                machine,
+                settings,
+                rows,
+                summaries: nothing.0,
+                charts: nothing.1,
+                ended: None,
+            }
+            .write_to(directory)?;
         }
     }
     if rows.is_empty() {
         return Err(Error::Driver("none of the backends is there: nothing was measured".into()));
     }
-    measured(&plan, &cases, &rows)
+    Ok(Measured { ended, ..measured(&plan, &cases, &rows)? })
 }
 
 /// Tables and charts of what there is, in the cases' order.
@@ -147,6 +157,7 @@ fn measured(plan: &Plan, cases: &[Case], rows: &[Row]) -> Result<Measured> {
         rows: saved::table(rows, &COLUMNS)?,
         summaries: summaries(&in_order),
         charts: charts::charts(&in_order),
+        ended: None,
     })
 }
 

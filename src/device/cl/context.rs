@@ -1,11 +1,10 @@
 //! A device in use: its context, its queue, the programs built so far.
 
 use std::cell::RefCell;
-use std::collections::HashMap;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
-use bytemuck::Pod;
 use opencl3::command_queue::{CL_QUEUE_PROFILING_ENABLE, CommandQueue};
 use opencl3::context::Context as ClContext;
 use opencl3::device::Device as ClDevice;
@@ -13,13 +12,14 @@ use opencl3::error_codes::ClError;
 use opencl3::event::Event;
 use opencl3::kernel::{ExecuteKernel, Kernel as ClKernel};
 use opencl3::program::Program;
-use opencl3::types::cl_mem;
 
+use super::arguments::{Arg, Arguments, Places};
 use super::buffer::Memory;
-use super::{Buffer, Device, failed};
+use super::{Device, aborts, failed, probing};
 use crate::device::injected_faults;
 use crate::device::submissions::{self, Pace};
 use crate::error::{Error, Result};
+use crate::program::parameters::{self, Parameter};
 use crate::program::source::Source;
 
 /// A device in use.
@@ -28,66 +28,43 @@ pub struct Context {
     pub device: Device,
     pub(super) context: ClContext,
     pub(super) queue: CommandQueue,
-    programs: RefCell<HashMap<String, Rc<Program>>>,
+    programs: RefCell<HashMap<String, Rc<Built>>>,
     /// Launches that were not waited for: how long each took tells how long the next one will.
     unread: RefCell<Vec<(Event, Rc<Pace>, usize)>>,
     /// What its buffers hold.
     pub memory: Rc<Memory>,
+    /// Names of the kernels that were launched.
+    launched: RefCell<BTreeSet<String>>,
+}
+
+/// A program, and the parameters of its kernels.
+struct Built {
+    program: Program,
+    kernels: BTreeMap<String, Rc<[Parameter]>>,
 }
 
 /// A kernel function of a built program.
 pub struct Kernel {
     kernel: ClKernel,
     name: String,
+    /// Where arguments of what names go, by the kernel's own text.
+    places: Places,
     /// What a work-item takes, or where work-items have two numbers, a row of them.
     pub pace: Rc<Pace>,
-}
-
-/// A kernel's argument, in the order of its parameters.
-#[derive(Clone, Copy)]
-pub enum Arg {
-    /// A buffer of any type.
-    Memory(cl_mem),
-    /// `int`
-    Int(i32),
-    /// `uint`
-    Uint(u32),
-    /// `float`
-    Float(f32),
-    /// `__local` memory, bytes.
-    Local(usize),
-}
-
-impl<T: Pod> From<&Buffer<T>> for Arg {
-    fn from(buffer: &Buffer<T>) -> Self {
-        Arg::Memory(buffer.handle())
-    }
-}
-
-impl From<i32> for Arg {
-    fn from(value: i32) -> Self {
-        Arg::Int(value)
-    }
-}
-
-impl From<u32> for Arg {
-    fn from(value: u32) -> Self {
-        Arg::Uint(value)
-    }
-}
-
-impl From<f32> for Arg {
-    fn from(value: f32) -> Self {
-        Arg::Float(value)
-    }
 }
 
 impl Context {
     /// Opens a device.
     ///
     /// # Errors
-    /// [`Error::Device`] when the driver refuses.
+    /// [`Error::Device`] when the driver refuses, or did not live through being tried.
     pub fn new(device: Device) -> Result<Context> {
+        probing::may_be_used(&device)?;
+        Context::new_untried(device)
+    }
+
+    /// Opens a device that may end the program.
+    pub(super) fn new_untried(device: Device) -> Result<Context> {
         let context = ClContext::from_device(&ClDevice::new(device.id)).map_err(|e| failed("opening the device", e))?;
         // OpenCL 1.2's call, deprecated since 2.0 but supported by every driver; its successor is not.
         #[allow(deprecated)]
@@ -100,6 +77,7 @@ impl Context {
             programs: RefCell::default(),
             unread: RefCell::default(),
             memory: Rc::default(),
+            launched: RefCell::default(),
         })
     }
 
@@ -109,33 +87,57 @@ impl Context {
     /// [`Error::Build`] with the driver's log in terms of our files.
     pub fn kernel(&self, source: &Source, name: &str) -> Result<Kernel> {
         let known = self.programs.borrow().get(&source.text).cloned();
-        let program = match known {
-            Some(program) => program,
+        let built = match known {
+            Some(built) => built,
             None => {
-                let program = Rc::new(self.build(source)?);
-                self.programs.borrow_mut().insert(source.text.clone(), Rc::clone(&program));
-                program
+                let built = Rc::new(self.build(source)?);
+                aborts::outlive_still();
+                self.programs.borrow_mut().insert(source.text.clone(), Rc::clone(&built));
+                built
             }
         };
-        let kernel = ClKernel::create(&program, name).map_err(|e| failed(&format!("kernel {name}"), e))?;
-        Ok(Kernel { kernel, name: name.into(), pace: Rc::new(Pace::new(name)) })
+        let refused = |e| failed(&format!("kernel {name}"), e);
+        let kernel = ClKernel::create(&built.program, name).map_err(refused)?;
+        let parameters = built.kernels.get(name).cloned().unwrap_or_default();
+        let count = kernel.num_args().map_err(refused)? as usize;
+        if count != parameters.len() {
+            return Err(Error::Device(format!(
+                "kernel {name} of {}: {} parameters in its text, {count} for the driver",
+                source.unit,
+                parameters.len()
+            )));
+        }
+        let places = Places::new(name, parameters);
+        Ok(Kernel { kernel, name: name.into(), places, pace: Rc::new(Pace::new(name)) })
     }
 
-    fn build(&self, source: &Source) -> Result<Program> {
+    /// Names of the kernels that were launched so far.
+    pub fn launched(&self) -> BTreeSet<String> {
+        self.launched.borrow().clone()
+    }
+
+    fn build(&self, source: &Source) -> Result<Built> {
         let mut program = Program::create_from_source(&self.context, &source.text)
             .map_err(|e| failed(&format!("program {}", source.unit), e))?;
-        let options = if source.contracted { "-cl-std=CL1.2 -cl-mad-enable" } else { "-cl-std=CL1.2" };
+        // -w: what a driver's compiler warns of is for those who write kernels, and it writes that to the user's terminal.
+        let options = if source.contracted { "-w -cl-std=CL1.2 -cl-mad-enable" } else { "-w -cl-std=CL1.2" };
         program.build(self.context.devices(), options).map_err(|error| {
             let log = program.get_build_log(self.device.id).unwrap_or_default();
             let log = if log.trim().is_empty() { error.to_string() } else { source.map_log(&log) };
-            Error::Build {
-                unit: source.unit.clone(),
-                permutation: source.permutation.clone(),
-                device: self.device.name.clone(),
-                log,
-            }
+            self.refused(source, log)
         })?;
-        Ok(program)
+        let kernels = parameters::kernels(&source.text).map_err(|what| self.refused(source, what))?;
+        let kernels = kernels.into_iter().map(|(name, parameters)| (name, parameters.into())).collect();
+        Ok(Built { program, kernels })
+    }
+
+    fn refused(&self, source: &Source, log: String) -> Error {
+        Error::Build {
+            unit: source.unit.clone(),
+            permutation: source.permutation.clone(),
+            device: self.device.name.clone(),
+            log,
+        }
     }
 
     /// Runs a kernel over `global` work-items, padded to whole work-groups of `local` where that is given: kernels
@@ -144,7 +146,7 @@ impl Context {
     ///
     /// # Errors
     /// [`Error::Device`] when the launch is refused.
-    pub fn launch(&self, kernel: &Kernel, args: &[Arg], global: &[usize], local: Option<&[usize]>) -> Result<()> {
+    pub fn launch(&self, kernel: &Kernel, args: &Arguments, global: &[usize], local: Option<&[usize]>) -> Result<()> {
         if !submissions::cuts_all(self.device.is_gpu) {
             return self.enqueue(kernel, args, global, local, &[]).map(|_| ());
         }
@@ -168,7 +170,13 @@ impl Context {
     ///
     /// # Errors
     /// [`Error::Device`] when a launch is refused or fails.
-    pub fn launch_paced(&self, kernel: &Kernel, args: &[Arg], global: &[usize], local: Option<&[usize]>) -> Result<()> {
+    pub fn launch_paced(
+        &self,
+        kernel: &Kernel,
+        args: &Arguments,
+        global: &[usize],
+        local: Option<&[usize]>,
+    ) -> Result<()> {
         self.launch_while(kernel, args, global, local, &|| true).map(|_| ())
     }
 
@@ -180,7 +188,7 @@ impl Context {
     pub fn launch_while(
         &self,
         kernel: &Kernel,
-        args: &[Arg],
+        args: &Arguments,
         global: &[usize],
         local: Option<&[usize]>,
         wanted: &dyn Fn() -> bool,
@@ -212,7 +220,13 @@ impl Context {
     ///
     /// # Errors
     /// [`Error::Device`] when the launch is refused or fails.
-    pub fn run(&self, kernel: &Kernel, args: &[Arg], global: &[usize], local: Option<&[usize]>) -> Result<Duration> {
+    pub fn run(
+        &self,
+        kernel: &Kernel,
+        args: &Arguments,
+        global: &[usize],
+        local: Option<&[usize]>,
+    ) -> Result<Duration> {
         let Some(event) = self.enqueue(kernel, args, global, local, &[])? else { return Ok(Duration::ZERO) };
         self.wait(&event, &kernel.name)?;
         let time = event.profiling_command_end().and_then(|end| Ok(end - event.profiling_command_start()?));
@@ -222,7 +236,7 @@ impl Context {
     fn enqueue(
         &self,
         kernel: &Kernel,
-        args: &[Arg],
+        args: &Arguments,
         global: &[usize],
         local: Option<&[usize]>,
         offset: &[usize],
@@ -231,18 +245,21 @@ impl Context {
             return Ok(None);
         }
         let mut launch = ExecuteKernel::new(&kernel.kernel);
-        for arg in args {
-            // SAFETY: each variant has the type that the kernel declares at this place; tests run every kernel, and
-            // the driver refuses an argument of another size.
+        let is_new = kernel.places.in_order(args, |arg| {
+            // SAFETY: each argument is of the type that the kernel's text declares for its name, as `Places` holds it
+            // against; the driver refuses an argument of another size.
             unsafe {
                 match arg {
-                    Arg::Memory(memory) => launch.set_arg(memory),
-                    Arg::Int(value) => launch.set_arg(value),
-                    Arg::Uint(value) => launch.set_arg(value),
-                    Arg::Float(value) => launch.set_arg(value),
-                    Arg::Local(bytes) => launch.set_arg_local_buffer(*bytes),
+                    Arg::Memory(memory) => launch.set_arg(&memory),
+                    Arg::Int(value) => launch.set_arg(&value),
+                    Arg::Uint(value) => launch.set_arg(&value),
+                    Arg::Float(value) => launch.set_arg(&value),
+                    Arg::Local(bytes) => launch.set_arg_local_buffer(bytes),
                 }
             };
+        })?;
+        if is_new {
+            self.launched.borrow_mut().insert(kernel.name.clone());
         }
         match local {
             Some(local) => {
@@ -265,9 +282,9 @@ impl Context {
             return Err(failed(&format!("launching {}", kernel.name), ClError(code)));
         }
         // SAFETY: buffers handed over as arguments are reference-counted by OpenCL until the kernel has run.
-        unsafe { launch.enqueue_nd_range(&self.queue) }
-            .map(Some)
-            .map_err(|e| failed(&format!("launching {}", kernel.name), e))
+        let launched = unsafe { launch.enqueue_nd_range(&self.queue) };
+        aborts::outlive_still();
+        launched.map(Some).map_err(|e| failed(&format!("launching {}", kernel.name), e))
     }
 
     /// Waits for a launch. What waiting returns is not enough: a launch that failed on the device is over, too.

@@ -12,6 +12,8 @@ use crate::error::{Error, Result};
 #[derive(Clone, Debug)]
 pub struct Device {
     pub(super) id: opencl3::types::cl_device_id,
+    /// Its place among all devices, from 0.
+    pub number: usize,
     /// As the driver names it.
     pub name: String,
     /// The driver's platform.
@@ -33,12 +35,8 @@ unsafe impl Send for Device {}
 // SAFETY: as above.
 unsafe impl Sync for Device {}
 
-/// All devices, GPUs before CPUs before others, in the platforms' order; with `wanted`, only those whose name or
-/// platform contains it, case ignored.
-///
-/// # Errors
-/// [`Error::Driver`] when there is no OpenCL or no device; [`Error::Usage`] when none is `wanted`.
-pub fn devices(wanted: Option<&str>) -> Result<Vec<Device>> {
+/// All devices, asked for in this process.
+pub(super) fn list() -> Result<Vec<Device>> {
     // PoCL makes its devices when it is first asked, and hands them to other threads that ask meanwhile half made, without a
     // name: reading that crashed.
     static ASKING: Mutex<()> = Mutex::new(());
@@ -55,16 +53,18 @@ pub fn devices(wanted: Option<&str>) -> Result<Vec<Device>> {
         return Err(Error::Driver(MISSING.into()));
     }
     found.sort_by_key(|(rank, _)| *rank);
-    let names = found.iter().map(|(_, d)| format!("'{}'", d.name)).collect::<Vec<_>>().join(", ");
-    let matches = |device: &Device| {
-        wanted.is_none_or(|w| format!("{} {}", device.name, device.platform).to_lowercase().contains(&w.to_lowercase()))
-    };
-    let chosen: Vec<Device> = found.into_iter().map(|(_, device)| device).filter(matches).collect();
-    if chosen.is_empty() {
-        let wanted = wanted.unwrap_or_default();
-        return Err(Error::Usage(format!("no OpenCL device matches '{wanted}'; there are {names}")));
+    let numbered = found.into_iter().enumerate().map(|(number, (_, device))| Device { number, ..device });
+    Ok(numbered.collect())
+}
+
+/// Whether `wanted` means this device of `all`: its number from 1 on, as `#2` or `2`, else a part of its name or its
+/// platform's, case ignored. A number beyond the last device is a part of a name, too: `3080`.
+pub(super) fn is_wanted(all: &[Device], device: &Device, wanted: &str) -> bool {
+    let number = wanted.strip_prefix('#').unwrap_or(wanted).parse::<usize>();
+    match number {
+        Ok(number) if (1..=all.len()).contains(&number) => device.number + 1 == number,
+        _ => format!("{} {}", device.name, device.platform).to_lowercase().contains(&wanted.to_lowercase()),
     }
-    Ok(chosen)
 }
 
 /// The device with its rank: GPUs first.
@@ -83,6 +83,7 @@ fn describe(id: opencl3::types::cl_device_id, platform: &str) -> (u32, Device) {
     let rank = if is_gpu { 0 } else { 1 + u32::from(!is_cpu) };
     let described = Device {
         id,
+        number: 0, // until all are there
         name: device.name().unwrap_or_default().trim().to_string(),
         platform: platform.trim().to_string(),
         version: device.version().unwrap_or_default().trim().to_string(),

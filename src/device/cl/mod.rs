@@ -1,14 +1,22 @@
 //! OpenCL: devices, programs, buffers, launches. All `unsafe` towards OpenCL is in this folder.
 
+pub mod aborts;
+pub mod caches;
+pub mod probing;
+
+mod arguments;
 mod buffer;
 mod context;
 mod device;
 mod probe;
 
+pub use arguments::{Arg, Arguments};
 pub use buffer::{Buffer, Memory, PART_ALIGNMENT};
-pub use context::{Arg, Context, Kernel};
-pub use device::{Device, devices};
+pub use context::{Context, Kernel};
+pub use device::Device;
 pub use probe::probe;
+use probe::probe_anew;
+pub use probing::devices;
 
 use opencl3::error_codes::{
     CL_INVALID_BUFFER_SIZE, CL_INVALID_COMMAND_QUEUE, CL_MEM_OBJECT_ALLOCATION_FAILURE, CL_OUT_OF_RESOURCES,

@@ -8,6 +8,7 @@ use khronos_egl as egl;
 
 use super::current::is_software;
 use super::{Current, Functions, MISSING};
+use crate::device::cl::aborts::Driver;
 use crate::error::{Error, Result};
 
 type Egl = egl::DynamicInstance<egl::EGL1_5>;
@@ -154,6 +155,7 @@ pub fn contexts() -> Vec<(String, Result<Headless>)> {
 }
 
 fn load() -> Result<Rc<Egl>> {
+    Driver::OpenGl.begin()?;
     // SAFETY: libEGL is the system's; loading it runs no code of ours.
     unsafe { Egl::load_required() }.map(Rc::new).map_err(|error| Error::Driver(format!("{MISSING} ({error})")))
 }

@@ -104,12 +104,8 @@ impl Mean {
 
     /// Mixes the mean of `passes` of all `of` passes into the mean of the others.
     fn mix(&self, mean: Texture, into: &Target, passes: u32, of: u32) -> Result<()> {
-        self.program.activate(&["pass"]);
-        // SAFETY: the context is current.
-        unsafe {
-            self.gl.active_texture(glow::TEXTURE0);
-            self.gl.bind_texture(glow::TEXTURE_2D, Some(mean));
-        }
+        self.program.activate();
+        self.program.bind("pass", glow::TEXTURE_2D, mean);
         // The first ones replace what was there: a NaN in it must not survive as 0 · NaN.
         into.draw_mixed(&self.program, (of > passes).then(|| passes as f32 / of as f32))
     }
@@ -146,13 +142,9 @@ impl Mean {
     /// [`Error::Device`] when the driver reports an error.
     pub fn patch(&self, from: Texture, rows: &[[u32; 2]]) -> Result<()> {
         let Some((width, height, target)) = &self.block else { return Ok(()) };
-        self.patch.activate(&["pass"]);
+        self.patch.activate();
         self.patch.set_texels("whole", &[*width as f32, *height as f32, 1.0]);
-        // SAFETY: the context is current.
-        unsafe {
-            self.gl.active_texture(glow::TEXTURE0);
-            self.gl.bind_texture(glow::TEXTURE_2D, Some(from));
-        }
+        self.patch.bind("pass", glow::TEXTURE_2D, from);
         smooth(&self.gl);
         target.draw_rows(&self.patch, rows)
     }
@@ -166,12 +158,8 @@ impl Mean {
         let Some((_, height, target)) = &self.block else { return Ok(()) };
         let mut rows = rows.to_vec();
         rows.sort_unstable();
-        self.bridge.activate(&["pass"]);
-        // SAFETY: the context is current.
-        unsafe {
-            self.gl.active_texture(glow::TEXTURE0);
-            self.gl.bind_texture(glow::TEXTURE_2D, Some(pass.unwrap_or(self.upload)));
-        }
+        self.bridge.activate();
+        self.bridge.bind("pass", glow::TEXTURE_2D, pass.unwrap_or(self.upload));
         for gap in rows.chunk_by(|one, next| one[1] == next[0]) {
             let (from, to) = (gap[0][0], gap[gap.len() - 1][1]);
             // At an edge of the picture there is one row only.

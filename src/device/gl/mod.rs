@@ -20,7 +20,7 @@ pub use probe::probe;
 pub use program::Program;
 pub use target::Target;
 pub use texture::TableTexture;
-pub use windowed::{Aside, Spare, Windowed};
+pub use windowed::{Aside, Spare, Windowed, plain};
 
 use std::rc::Rc;
 

@@ -89,7 +89,7 @@ impl Present {
     pub fn draw(&self, shown: &Shown) {
         let gl = &self.gl;
         let [x, y, width, height] = shown.area;
-        self.program.activate(&["left", "right"]);
+        self.program.activate();
         let mode = match (shown.right, shown.heat) {
             (None, _) => 0.0,
             (Some(_), false) => 1.0,
@@ -98,14 +98,11 @@ impl Present {
         self.program.set_texels("corner", &[x as f32, y as f32, shown.divider]);
         self.program.set_texels("size", &[width as f32, height as f32, shown.exposure.exp2()]);
         self.program.set_texels("options", &[mode, shown.tone_map as i32 as f32, 0.0]);
-        // SAFETY: the context is current; the textures belong to it or to one that shares with it. Binding them here
-        // is what makes another context's drawing visible (OpenGL 3.3, appendix D).
+        // Binding them here is what makes another context's drawing visible (OpenGL 3.3, appendix D).
+        self.program.bind("left", glow::TEXTURE_2D, shown.left);
+        self.program.bind("right", glow::TEXTURE_2D, shown.right.unwrap_or(shown.left));
+        // SAFETY: the context is current, and so is the program.
         unsafe {
-            for (unit, texture) in [shown.left, shown.right.unwrap_or(shown.left)].into_iter().enumerate() {
-                gl.active_texture(glow::TEXTURE0 + unit as u32);
-                gl.bind_texture(glow::TEXTURE_2D, Some(texture));
-            }
-            gl.active_texture(glow::TEXTURE0);
             gl.bind_framebuffer(glow::FRAMEBUFFER, None);
             gl.bind_vertex_array(Some(self.triangle));
             gl.disable(glow::BLEND);

@@ -12,7 +12,7 @@ pub fn probe(context: &Headless) -> Result<()> {
     context.make_current()?;
     let program = Program::new(&context.gl, &assemble("probe.frag", None, &Options::default()))?;
     let target = Target::new(&context.gl, 64, 1, true)?;
-    program.activate(&[]);
+    program.activate();
     target.draw(&program)?;
     for (x, [found, ..]) in (0u32..).zip(target.read()) {
         if found != x * x + 1 {

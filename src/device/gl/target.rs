@@ -101,20 +101,18 @@ impl Target {
             let attachments: Vec<u32> = (0..outputs).map(|output| glow::COLOR_ATTACHMENT0 + output).collect();
             gl.draw_buffers(&attachments);
             match gl.check_framebuffer_status(glow::FRAMEBUFFER) {
-                glow::FRAMEBUFFER_COMPLETE => Ok(target),
+                glow::FRAMEBUFFER_COMPLETE => {
+                    checked(gl, format_args!("target of {width} × {height}"))?; // memory may be out
+                    Ok(target)
+                }
                 status => Err(refused(format!("framebuffer status {status:#06x}"))),
             }
         }
     }
 
-    /// Binds what an output was drawn into to a texture unit, to be read as a table.
-    pub fn bind(&self, output: usize, unit: u32) {
-        // SAFETY: the context is current.
-        unsafe {
-            self.gl.active_texture(glow::TEXTURE0 + unit);
-            self.gl.bind_texture(self.kind, Some(self.textures[output]));
-            self.gl.active_texture(glow::TEXTURE0);
-        }
+    /// Binds what an output was drawn into to a sampler of the active program, to be read as a table.
+    pub fn bind(&self, output: usize, program: &Program, sampler: &str) {
+        program.bind(sampler, self.kind, self.textures[output]);
     }
 
     /// Draws the quad with the active program and waits until it is done; cut into bands of rows that no watchdog
@@ -168,11 +166,12 @@ impl Target {
 
     fn draw_blended(
         &self,
-        _active: &Program,
+        active: &Program,
         weight: Option<f32>,
         kept: u32,
         wanted: Option<&dyn Fn() -> bool>,
     ) -> Result<Vec<[u32; 2]>> {
+        active.check()?;
         let gl = &self.gl;
         // SAFETY: the context is current and a linked program is active (the argument says so).
         unsafe {
@@ -228,7 +227,8 @@ impl Target {
     ///
     /// # Errors
     /// [`Error::Device`] when the driver reports an error.
-    pub fn draw_rows(&self, _active: &Program, rows: &[[u32; 2]]) -> Result<()> {
+    pub fn draw_rows(&self, active: &Program, rows: &[[u32; 2]]) -> Result<()> {
+        active.check()?;
         let gl = &self.gl;
         // SAFETY: the context is current and a linked program is active (the argument says so).
         unsafe {

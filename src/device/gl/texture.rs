@@ -6,7 +6,7 @@
 use bytemuck::Pod;
 use glow::{HasContext, PixelUnpackData};
 
-use super::{Functions, PixelBuffer, checked};
+use super::{Functions, PixelBuffer, Program, checked};
 use crate::device::live_objects::{Api, Counted};
 use crate::error::{Error, Result};
 use crate::records::{Record, TEXEL, TextureShape};
@@ -161,14 +161,9 @@ impl TableTexture {
         Ok(())
     }
 
-    /// Binds the table to a texture unit.
-    pub fn bind(&self, unit: u32) {
-        // SAFETY: the context is current.
-        unsafe {
-            self.gl.active_texture(glow::TEXTURE0 + unit);
-            self.gl.bind_texture(glow::TEXTURE_RECTANGLE, Some(self.handle));
-            self.gl.active_texture(glow::TEXTURE0);
-        }
+    /// Binds the table to a sampler of the active program, where that reads it.
+    pub fn bind(&self, program: &Program, sampler: &str) {
+        program.bind(sampler, glow::TEXTURE_RECTANGLE, self.handle);
     }
 
     /// Bytes on the device, padding included.

@@ -16,10 +16,23 @@ use winit::raw_window_handle::HasWindowHandle;
 use winit::window::{Window, WindowAttributes};
 
 use super::Current;
+use crate::device::cl::aborts::Driver;
 use crate::error::{Error, Result};
 
 fn failed(what: &str, error: impl std::fmt::Display) -> Error {
-    Error::Driver(format!("window: {what}: {error}"))
+    Error::Driver(format!("window: {what}: {}", plain(error)))
+}
+
+/// An error of the window library without the place in its source that it begins with: a path of whoever built this.
+pub fn plain(error: impl std::fmt::Display) -> String {
+    let text = error.to_string();
+    let Some((_, rest)) = text.split_once("os error at ") else { return text };
+    // `FILE:LINE: what happened`
+    let mut parts = rest.splitn(3, ':');
+    match (parts.next(), parts.next().map(|line| line.trim().parse::<u32>()), parts.next()) {
+        (Some(_), Some(Ok(_)), Some(what)) => what.trim().to_string(),
+        _ => text,
+    }
 }
 
 /// A window's context, current on the thread that made it, and the surface that it shows on.
@@ -50,6 +63,7 @@ impl Windowed {
     /// # Errors
     /// [`Error::Driver`] with what the window system or the driver refused.
     pub fn new(events: &ActiveEventLoop, attributes: WindowAttributes) -> Result<Windowed> {
+        Driver::OpenGl.begin()?;
         let template = ConfigTemplateBuilder::new().with_depth_size(0).with_stencil_size(0);
         let builder = DisplayBuilder::new().with_window_attributes(Some(attributes));
         // Multisampling would cost and show nothing: the picture is one quad.
@@ -143,4 +157,15 @@ fn attributes_3_3() -> ContextAttributesBuilder {
     ContextAttributesBuilder::new()
         .with_profile(GlProfile::Core)
         .with_context_api(ContextApi::OpenGl(Some(Version::new(3, 3))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::plain;
+
+    #[test]
+    fn places_in_others_sources_are_left_out() {
+        assert_eq!(plain("os error at /home/x/.cargo/winit/src/mod.rs:765: no DISPLAY: none"), "no DISPLAY: none");
+        assert_eq!(plain("the compositor said no"), "the compositor said no");
+    }
 }

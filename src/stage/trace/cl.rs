@@ -4,23 +4,22 @@ use std::rc::Rc;
 
 use super::draws::{self, Draws, Query};
 use super::{Indirect, Pause, Permutation, Trace, check_count, out_of_order};
-use crate::device::cl::{Arg, Buffer, Context, Kernel};
+use crate::device::cl::{Arg, Arguments, Buffer, Context, Kernel};
 use crate::device::submissions;
 use crate::error::Result;
 use crate::film::Image;
 use crate::program::gathering::Gathering;
 use crate::program::source::{Options, assemble};
 use crate::records::packing::Packed;
-use crate::records::{Frame, Gather, Light, LitPoint, Material, Shape, Site, SiteLattice, SiteSurface};
+use crate::records::{Frame, Gather, LitPoint, Site, SiteLattice, SiteSurface};
 use crate::stage::irradiance::IrradianceView;
 use crate::stage::map::MapView;
+use crate::stage::scene_buffers::SceneBuffers;
 
 /// Traces and gathers by OpenCL's kernels; the film is a buffer.
 pub struct ClTrace {
     context: Rc<Context>,
-    shapes: Option<Buffer<Shape>>,
-    materials: Option<Buffer<Material>>,
-    lights: Option<Buffer<Light>>,
+    scene: Option<SceneBuffers>,
     frame: Buffer<Frame>,
     film: Option<(u32, u32, Buffer<[f32; 3]>)>,
     /// Of a picture that is cut within its pixels: a part of it.
@@ -74,32 +73,14 @@ impl ClTrace {
     /// [`crate::error::Error::Device`] when the device has no room.
     pub fn new(context: Rc<Context>) -> Result<ClTrace> {
         let (frame, lattice, slice) = (Buffer::new(&context, 1)?, Buffer::new(&context, 1)?, Buffer::new(&context, 1)?);
-        let (shapes, materials, lights, film, part, points, sites, active) = Default::default();
+        let (scene, film, part, points, sites, active) = Default::default();
         let (pause, missing) = Default::default();
-        Ok(ClTrace {
-            context,
-            shapes,
-            materials,
-            lights,
-            frame,
-            film,
-            part,
-            slice,
-            lattice,
-            points,
-            sites,
-            active,
-            pause,
-            missing,
-        })
+        Ok(ClTrace { context, scene, frame, film, part, slice, lattice, points, sites, active, pause, missing })
     }
 
     /// Writes what belongs to a frame into buffers, which grow to its size.
     fn write_frame(&mut self, frame: &Frame, indirect: &Indirect) -> Result<()> {
-        let (width, height) = (frame.width as u32, frame.height as u32);
-        if self.film.as_ref().is_none_or(|(w, h, _)| (*w, *h) != (width, height)) {
-            self.film = Some((width, height, Buffer::new(&self.context, width as usize * height as usize)?));
-        }
+        self.make_film([frame.width as u32, frame.height as u32])?;
         self.frame.write(&self.context, std::slice::from_ref(frame))?;
         let Indirect::Final(_, pass) = indirect else { return Ok(()) };
         self.lattice.write(&self.context, std::slice::from_ref(&pass.lattice))?;
@@ -139,6 +120,13 @@ impl ClTrace {
 }
 
 impl Trace for ClTrace {
+    fn make_film(&mut self, [width, height]: [u32; 2]) -> Result<()> {
+        if self.film.as_ref().is_none_or(|(w, h, _)| (*w, *h) != (width, height)) {
+            self.film = Some((width, height, Buffer::new(&self.context, width as usize * height as usize)?));
+        }
+        Ok(())
+    }
+
     fn compile(&mut self, permutation: &Permutation) -> Result<()> {
         if self.active.as_ref().is_some_and(|active| active.permutation == *permutation) {
             return Ok(());
@@ -166,9 +154,7 @@ impl Trace for ClTrace {
 
     fn upload(&mut self, packed: &Packed) -> Result<()> {
         check_count(packed)?;
-        self.shapes = Some(Buffer::from_slice(&self.context, &packed.shapes)?);
-        self.materials = Some(Buffer::from_slice(&self.context, &packed.materials)?);
-        self.lights = Some(Buffer::from_slice(&self.context, &packed.lights)?);
+        self.scene = Some(SceneBuffers::new(&self.context, packed)?);
         Ok(())
     }
 
@@ -182,34 +168,30 @@ impl Trace for ClTrace {
         if let (Some(active), false) = (&mut self.active, draws.is_whole(frame)) {
             active.build_sliced(&self.context)?;
         }
-        let (Some(active), Some(shapes), Some(materials), Some(lights), Some((_, _, film))) =
-            (&self.active, &self.shapes, &self.materials, &self.lights, &self.film)
-        else {
+        let (Some(active), Some(scene), Some((_, _, film))) = (&self.active, &self.scene, &self.film) else {
             return Err(out_of_order("OpenCL"));
         };
-        let mut args: Vec<Arg> = vec![(&self.frame).into(), shapes.into(), materials.into(), lights.into()];
+        let mut args = scene.arguments().table(&self.frame);
         match (active.permutation.gathering, indirect) {
             (None, Indirect::None) => {}
             (Some(gathering), Indirect::Map(MapView::Device { stored: Some(stored), tiles: Some(tiles), .. }))
                 if gathering.method.is_tiled() =>
             {
-                args.extend(tiles.args(stored));
+                args = args.and(&tiles.arguments(stored));
             }
             (Some(gathering), Indirect::Map(MapView::Device { stored, grid, .. })) if !gathering.method.is_tiled() => {
-                let photons = grid.args(stored.as_ref(), gathering.method);
-                args.extend(photons.ok_or_else(|| out_of_order("OpenCL"))?);
+                let photons = grid.arguments(stored.as_ref(), gathering.method);
+                args = args.and(&photons.ok_or_else(|| out_of_order("OpenCL"))?);
             }
             (None, Indirect::Final(IrradianceView::Device { charts, texels, .. }, pass)) => {
                 let Some(points) = &self.points else { return Err(out_of_order("OpenCL")) };
-                args.extend([Arg::from(*charts), (&self.lattice).into(), (*texels).into(), points.into()]);
+                args = args.table(charts).table(&self.lattice).table(texels).table(points);
                 if let Some(kernel) = &active.sites {
                     let Some((sites, surfaces)) = &self.sites else { return Err(out_of_order("OpenCL")) };
-                    let tables = [Arg::from(sites), surfaces.into()];
-                    let mut own = args.clone();
-                    own.extend(tables);
-                    own.push((count_of_sites(&pass.lattice) as i32).into());
+                    let own = args.clone().with("irradiances", sites).with("surfaces", surfaces);
+                    let own = own.with("count", count_of_sites(&pass.lattice) as i32);
                     gather_sites(&self.context, kernel, &own, active.lanes, frame, &pass.lattice)?;
-                    args.extend(tables);
+                    args = args.table(sites).table(surfaces);
                 }
             }
             _ => return Err(out_of_order("OpenCL")),
@@ -219,12 +201,13 @@ impl Trace for ClTrace {
         let gather = plan_of_queries(active, &indirect);
         let picture = Picture::new(&self.context, frame, &indirect, gather, active.lanes, &*pause);
         let Some([sliced, add]) = active.sliced.as_ref().filter(|_| !draws.is_whole(frame)) else {
-            args.extend(active.queue.map(Arg::Local)); // slices are gathered alone
+            // Slices are gathered alone.
+            let args = active.queue.into_iter().fold(args, |args, bytes| args.with("queue", Arg::Local(bytes)));
             self.missing = picture.draw(&active.kernel, args, frame, film)?;
             return Ok(());
         };
         if gather.is_some() {
-            args[3] = (&self.slice).into(); // the map's own arguments follow the scene's, this one first
+            args = args.replace(&self.slice);
         }
         let part = match &mut self.part {
             Some(part) if part.len() >= film.len() => part,
@@ -274,7 +257,7 @@ fn count_of_sites(lattice: &SiteLattice) -> usize {
 fn gather_sites(
     context: &Context,
     kernel: &Kernel,
-    args: &[Arg],
+    args: &Arguments,
     lanes: u32,
     frame: &Frame,
     lattice: &SiteLattice,
@@ -324,20 +307,13 @@ impl<'a> Picture<'a> {
     }
 
     /// Draws into `film`; the rows that are missing because the rest was not wanted.
-    fn draw(
-        &self,
-        kernel: &Kernel,
-        mut args: Vec<Arg>,
-        frame: &Frame,
-        film: &Buffer<[f32; 3]>,
-    ) -> Result<Vec<[u32; 2]>> {
+    fn draw(&self, kernel: &Kernel, args: Arguments, frame: &Frame, film: &Buffer<[f32; 3]>) -> Result<Vec<[u32; 2]>> {
         let (bands, height) = (self.bands, self.frame.height as u32);
         kernel.pace.expect(f64::from(self.frame.width) * draws::work(frame, self.indirect, self.gather.as_ref()));
         // What is not cut goes on from a row to the next.
         let stride = if kernel.pace.fits(self.blocks[1]) { 1 } else { submissions::stride(bands as usize) };
-        let numbers = [self.frame.width as u32, height, bands, stride as u32].map(|n| Arg::Int(n as i32));
-        args.push(Arg::from(film));
-        args.extend(numbers);
+        let args = args.with("film", film).with("width", self.frame.width as i32).with("height", height as i32);
+        let args = args.with("bands", bands as i32).with("stride", stride as i32);
         let done = self.context.launch_while(kernel, &args, &self.blocks, Some(&Self::LOCAL), self.pause)?;
         let missing = (done as u32 / BAND..bands).map(|band| {
             let first = band * stride as u32 % bands * BAND * self.rows;
@@ -350,7 +326,7 @@ impl<'a> Picture<'a> {
     fn draw_slices(
         &self,
         [sliced, add]: [&Kernel; 2],
-        args: &[Arg],
+        args: &Arguments,
         changing: &mut Changing,
         draws: Draws,
         part: &Buffer<[f32; 3]>,
@@ -362,10 +338,11 @@ impl<'a> Picture<'a> {
                 let slices = draws.slices as f32;
                 changing.slice.write(self.context, &[Gather { slice: slice as f32, slices, ..gather }])?;
             }
-            let missing = self.draw(sliced, args.to_vec(), &frame, part)?;
+            let missing = self.draw(sliced, args.clone(), &frame, part)?;
             let floats = 3 * film.len();
-            let [count, is_first] = [floats as i32, i32::from(number == 0)].map(Arg::Int);
-            self.context.launch(add, &[part.into(), film.into(), count, weight.into(), is_first], &[floats], None)?;
+            let sum = Arguments::new().with("part", part).with("film", film).with("count", floats as i32);
+            let sum = sum.with("weight", weight).with("is_first", i32::from(number == 0));
+            self.context.launch(add, &sum, &[floats], None)?;
             if !missing.is_empty() || !(self.pause)() {
                 // What is there of the others is a part of it.
                 return Ok(vec![[0, self.frame.height as u32]]);

@@ -6,27 +6,24 @@ use std::rc::Rc;
 use super::draws::{self, Draws, Query, Rounds};
 use super::gl_final::FinalTextures;
 use super::{Indirect, Pause, Permutation, Trace, check_count, out_of_order};
-use crate::device::gl::{Functions, Program, TableTexture, Target};
+use crate::device::gl::{Functions, Program, Target};
 use crate::error::Result;
 use crate::film::Image;
 use crate::plan::site_lattice::FinalPass;
 use crate::program::features::Features;
 use crate::program::gathering::Gathering;
 use crate::program::source::{Options, Source, assemble};
+use crate::records::Frame;
 use crate::records::packing::Packed;
-use crate::records::{Frame, Light, Material, Record, Shape, TEXTURE_WIDTH_LOG2};
 use crate::stage::irradiance::IrradianceView;
 use crate::stage::map::MapView;
 use crate::stage::photon_textures::PhotonTextures;
+use crate::stage::table_textures::SceneTextures;
 
 /// A fragment shader on a full-screen quad.
 pub struct GlTrace {
     gl: Functions,
-    shapes: TableTexture,
-    materials: TableTexture,
-    lights: TableTexture,
-    /// The records of a scene that travels in uniforms.
-    small: Option<(Vec<Shape>, Vec<Material>, Vec<Light>)>,
+    scene: SceneTextures,
     photons: PhotonTextures,
     finals: FinalTextures,
     target: Option<(u32, u32, Target)>,
@@ -48,10 +45,6 @@ pub struct GlTrace {
 }
 
 impl GlTrace {
-    /// Samplers of `trace.frag` in the order of the texture units: the photon map's, then the scene's, which a small
-    /// scene does without.
-    const SCENE_SAMPLERS: [&str; 3] = [Shape::TABLE, Material::TABLE, Light::TABLE];
-
     /// On the current context; software rasterisers grant a fragment only so many loop rounds.
     ///
     /// # Errors
@@ -59,10 +52,7 @@ impl GlTrace {
     pub fn new(gl: &Functions, is_software: bool) -> Result<GlTrace> {
         Ok(GlTrace {
             gl: gl.clone(),
-            shapes: TableTexture::new(gl, TEXTURE_WIDTH_LOG2)?,
-            materials: TableTexture::new(gl, TEXTURE_WIDTH_LOG2)?,
-            lights: TableTexture::new(gl, TEXTURE_WIDTH_LOG2)?,
-            small: None,
+            scene: SceneTextures::new(gl)?,
             photons: PhotonTextures::new(gl, is_software)?,
             finals: FinalTextures::new(gl)?,
             target: None,
@@ -99,27 +89,10 @@ impl GlTrace {
         assemble(unit, Some(features), &Options { defines, ..Options::default() })
     }
 
-    /// The program's samplers in the order of their texture units: these, then the scene's where it has any.
-    fn samplers(&self, tables: &[&'static str]) -> Vec<&'static str> {
-        let scene = if self.small.is_none() { &Self::SCENE_SAMPLERS[..] } else { &[] };
-        tables.iter().chain(scene).copied().collect()
-    }
-
-    /// Gives the active program the frame and the scene, whose tables begin at a texture unit.
-    fn bind_scene(&self, program: &Program, frame: &Frame, first: u32) {
+    /// Gives the active program the frame and the scene.
+    fn bind_scene(&self, program: &Program, frame: &Frame) {
         program.set_records(std::slice::from_ref(frame));
-        match &self.small {
-            Some((shapes, materials, lights)) => {
-                program.set_records(shapes);
-                program.set_records(materials);
-                program.set_records(lights);
-            }
-            None => {
-                self.shapes.bind(first);
-                self.materials.bind(first + 1);
-                self.lights.bind(first + 2);
-            }
-        }
+        self.scene.bind(program);
     }
 
     /// Draws short enough for the driver.
@@ -140,6 +113,13 @@ impl GlTrace {
 }
 
 impl Trace for GlTrace {
+    fn make_film(&mut self, [width, height]: [u32; 2]) -> Result<()> {
+        if self.target.as_ref().is_none_or(|(w, h, _)| (*w, *h) != (width, height)) {
+            self.target = Some((width, height, Target::new(&self.gl, width, height, false)?));
+        }
+        Ok(())
+    }
+
     fn compile(&mut self, permutation: &Permutation) -> Result<()> {
         let counts = permutation.features.counts.filter(|_| self.is_software);
         let permutation = &Permutation { features: Features { counts, ..permutation.features }, ..*permutation };
@@ -154,14 +134,7 @@ impl Trace for GlTrace {
 
     fn upload(&mut self, packed: &Packed) -> Result<()> {
         check_count(packed)?;
-        self.small =
-            packed.in_uniforms().then(|| (packed.shapes.clone(), packed.materials.clone(), packed.lights.clone()));
-        if self.small.is_some() {
-            return Ok(());
-        }
-        self.shapes.fill(&packed.shapes)?;
-        self.materials.fill(&packed.materials)?;
-        self.lights.fill(&packed.lights)
+        self.scene.upload(packed, packed.in_uniforms())
     }
 
     fn upload_map(&mut self, map: &MapView, gathering: &Gathering) -> Result<u64> {
@@ -191,9 +164,7 @@ impl Trace for GlTrace {
 
     fn trace(&mut self, frame: &Frame, indirect: Indirect) -> Result<()> {
         let (width, height) = (frame.width as u32, frame.height as u32);
-        if self.target.as_ref().is_none_or(|(w, h, _)| (*w, *h) != (width, height)) {
-            self.target = Some((width, height, Target::new(&self.gl, width, height, false)?));
-        }
+        self.make_film([width, height])?;
         let Some(active) = self.active else { return Err(out_of_order("OpenGL")) };
         let draws = self.draws(frame, &indirect)?;
         self.program(&active, draws.slices > 1)?;
@@ -202,8 +173,8 @@ impl Trace for GlTrace {
         }
         if let (Indirect::Final(_, FinalPass { lattice, .. }), Some(true)) = (indirect, active.final_gather) {
             let Some(program) = self.site_programs.get(&active.features) else { return Err(out_of_order("OpenGL")) };
-            program.activate(&self.samplers(&FinalTextures::SAMPLERS[..3]));
-            self.bind_scene(program, frame, 3);
+            program.activate();
+            self.bind_scene(program, frame);
             program.set_records(std::slice::from_ref(lattice));
             self.finals.draw_sites(program, lattice, draws::site_work(frame, lattice))?;
         }
@@ -211,18 +182,14 @@ impl Trace for GlTrace {
         else {
             return Err(out_of_order("OpenGL"));
         };
-        let tables: &[&str] = match indirect {
-            Indirect::Final(..) => &FinalTextures::SAMPLERS,
-            _ => &PhotonTextures::SAMPLERS,
-        };
-        program.activate(&self.samplers(tables));
-        self.bind_scene(program, frame, tables.len() as u32);
+        program.activate();
+        self.bind_scene(program, frame);
         match indirect {
             Indirect::None => {}
-            Indirect::Map(_) => self.photons.bind(program, 0),
+            Indirect::Map(_) => self.photons.bind(program),
             Indirect::Final(_, pass) => {
                 program.set_records(std::slice::from_ref(&pass.lattice));
-                self.finals.bind(0, active.final_gather == Some(true));
+                self.finals.bind(program);
             }
         }
         let gather = matches!(indirect, Indirect::Map(_)).then(|| self.photons.gather());
@@ -274,6 +241,6 @@ impl Trace for GlTrace {
 
     fn bytes(&self) -> usize {
         let target = self.target.as_ref().map_or(0, |(_, _, target)| target.bytes());
-        self.shapes.bytes() + self.lights.bytes() + self.photons.bytes() + self.finals.bytes() + target
+        self.scene.bytes() + self.photons.bytes() + self.finals.bytes() + target
     }
 }

@@ -58,6 +58,14 @@ pub type Pause = std::rc::Rc<dyn Fn() -> bool>;
 
 /// The trace stage on one machine.
 pub trait Trace {
+    /// Makes the film for pictures of a size, which may be beyond what the device can hold.
+    ///
+    /// # Errors
+    /// [`Error::Device`] and [`Error::Memory`] with its limit.
+    fn make_film(&mut self, _size: [u32; 2]) -> Result<()> {
+        Ok(())
+    }
+
     /// Builds what this permutation needs; nothing when it was built before.
     ///
     /// # Errors

@@ -228,7 +228,7 @@ pub(super) fn run(bench: &mut Bench) -> Result<Found> {
 }
 
 fn rows(bench: &mut Bench, case: &Case, backend: Backend) -> Result<[Row; 4]> {
-    bench.step(&format!("leaks: {}, {}", case.name, backend.name()));
+    bench.step(&format!("leaks: {}, {}", case.name, backend.name()))?;
     let rays = match backend {
         Backend::OpenCl => bench.options.by_size(400_000, 2_000_000, 20_000_000u32),
         Backend::OpenGl => bench.options.by_size(100_000, 500_000, 4_000_000),
