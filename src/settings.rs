@@ -2,7 +2,7 @@
 
 mod choices;
 
-pub use choices::{Backend, Choice, DensityKernel, GridForm, LightMode, Method, Row, Sampler, TechniqueKind};
+pub use choices::{Backend, Choice, ChoiceRow, DensityKernel, GridForm, LightMode, Method, Sampler, TechniqueKind};
 
 /// How long emission goes on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,18 +46,16 @@ pub struct FinalGather {
     pub texels: u32,
     /// Lit points of a pass, which all sites share.
     pub points: u32,
-    /// How many passes came before: they go on in the same sequences of rays and lit points.
-    pub turn: u32,
 }
 
 impl Default for FinalGather {
     /// Measured on the report's scenes: see the README.
     fn default() -> Self {
-        FinalGather { rays: 64, own_rays: 16, spacing: 4, texels: 24_576, points: 32, turn: 0 }
+        FinalGather { rays: 64, own_rays: 16, spacing: 4, texels: 24_576, points: 32 }
     }
 }
 
-/// Settings of one picture.
+/// What the user asks of a picture, in one pass or in many.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
     /// Of the image, pixels.
@@ -66,11 +64,7 @@ pub struct Settings {
     pub height: u32,
     /// Samples per pixel; 1 is the pixel's centre.
     pub samples: u32,
-    /// Number of the first sample, so that passes continue one sequence.
-    pub first_sample: u32,
-    /// A single sample lies anywhere in its pixel as well, because other passes bring more.
-    pub jittered: bool,
-    /// Keys every random number.
+    /// Keys every random number; passes have seeds of their own, made of this one.
     pub seed: u32,
     /// Who carries direct light.
     pub light: LightMode,
@@ -82,13 +76,34 @@ pub struct Settings {
     pub technique: Technique,
 }
 
+/// Which pass a picture is: where it goes on in sequences that other passes of the same settings begin. A picture of its
+/// own is the first pass, and the only one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Pass {
+    /// Number of the pass, from 0: keys emission's random numbers.
+    pub index: u32,
+    /// Keys all other random numbers.
+    pub seed: u32,
+    /// How many passes of this seed came before: they go on in the same sequences of rays and lit points.
+    pub round: u32,
+    /// Number of a pixel's first sample in the seed's sequence of them.
+    pub first_sample: u32,
+    /// A single sample lies anywhere in its pixel, because other passes bring more; else in its centre.
+    pub jittered: bool,
+}
+
+impl Pass {
+    /// The only one of a picture.
+    pub fn single(settings: &Settings) -> Pass {
+        Pass { seed: settings.seed, ..Pass::default() }
+    }
+}
+
 /// Settings of the photon map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Photons {
     /// How long a pass emits.
     pub amount: Amount,
-    /// Number of the pass: keys its random numbers.
-    pub pass: u32,
     /// Where emission's first numbers come from.
     pub sampler: Sampler,
 }
@@ -129,11 +144,9 @@ impl Default for Settings {
             width: 640,
             height: 480,
             samples: 1,
-            first_sample: 0,
-            jittered: false,
             seed: 0,
             light: LightMode::default(),
-            photons: Photons { amount: Amount::Paths(200_000), pass: 0, sampler: Sampler::default() },
+            photons: Photons { amount: Amount::Paths(200_000), sampler: Sampler::default() },
             gather: Gather {
                 method: Method::Auto,
                 density_kernel: DensityKernel::default(),

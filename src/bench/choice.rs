@@ -19,7 +19,7 @@ use crate::program::features::Features;
 use crate::rays::scene::SceneTables;
 use crate::records::packing::Packed;
 use crate::scene::Scene;
-use crate::settings::{Amount, Gather, LightMode, Settings};
+use crate::settings::{Amount, Gather, LightMode, Pass, Settings};
 
 /// What a choice may cost beyond the best one to be a good one.
 const GOOD: f64 = 1.15;
@@ -186,7 +186,7 @@ fn ask(setting: &Setting) -> Result<(f32, Vec<Estimate>, f64)> {
     let features = Features::of(setting.scene, &settings);
     let packed = Packed::new(setting.scene, setting.scene.camera.position);
     let tables = SceneTables::new(&packed, &features);
-    let frame = packed.frame(&setting.scene.camera, &settings);
+    let frame = packed.frame(&setting.scene.camera, &settings, &Pass::single(&settings));
     // A map's beginning is the same whatever its length.
     let map = emit(&tables, &packed, setting.stored.min(radius::SAMPLE as u32), true)?;
     let faces = map.surfaces.iter().map(|surface| face_of(surface) as u32).collect();
@@ -235,8 +235,9 @@ fn measure(
                 if again > 0 && (ms > LONG || ms.is_nan()) {
                     break;
                 }
-                settings.photons.pass = 2 * (round * estimates.len() as u32 + number as u32) + again;
-                ms = match pipeline.render(setting.scene, &settings) {
+                let index = 2 * (round * estimates.len() as u32 + number as u32) + again;
+                let pass = Pass { index, ..Pass::single(&settings) };
+                ms = match pipeline.render_pass(setting.scene, &settings, &pass) {
                     Ok(Rendering { times, .. }) => times.grid + times.tiles + times.upload + times.trace,
                     // Lists that are too long for floats cannot be chosen, and are not.
                     Err(Error::Usage(_)) => f64::NAN,

@@ -22,7 +22,7 @@ use crate::records::Frame;
 use crate::records::face::faces_of;
 use crate::records::packing::Packed;
 use crate::scene::Scene;
-use crate::settings::{Amount, Method, Sampler, Settings};
+use crate::settings::{Amount, Method, Pass, Sampler, Settings};
 
 /// Cells along a radius, the same along rows as across them; and what backends take whose queries walk together or alone.
 const CELLS: [CellSize; 6] = [
@@ -85,7 +85,7 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Meas
         let features = Features::of(scene, &settings);
         let packed = Packed::new(scene, scene.camera.position);
         let tables = SceneTables::new(&packed, &features);
-        let frame = packed.frame(&scene.camera, &settings);
+        let frame = packed.frame(&scene.camera, &settings, &Pass::single(&settings));
         for stored in &plan.stored {
             let map = emit(&tables, &packed, *stored, false)?;
             let count = map.len().min(radius::SAMPLE);

@@ -6,7 +6,7 @@ use super::{Measured, Options, Progress, Steps, or_end};
 use crate::error::{Error, Result};
 use crate::pipeline::{Machine, Pipeline};
 use crate::scene::Scene;
-use crate::settings::{Amount, Backend, Gather, LightMode, Method, Settings};
+use crate::settings::{Amount, Backend, Gather, LightMode, Method, Pass, Settings};
 
 /// Name of the backend whose kernels have one lane: what the others are measured by on a CPU.
 const PLAIN: &str = "plain opencl";
@@ -140,7 +140,9 @@ fn measure_pictures(
     }
     for (measure, settings) in measures.iter_mut().take_while(|_| !options.is_stopped()) {
         steps.begin(&format!("{}: {}", scene.name, measure.label()));
-        let samples = in_turn(subjects, plan.rounds, |subject, _| subject.pipeline.retrace(scene, settings))?;
+        let samples = in_turn(subjects, plan.rounds, |subject, _| {
+            subject.pipeline.retrace(scene, settings, &Pass::single(settings))
+        })?;
         measure.samples = subjects.iter().map(|s| s.name).zip(samples).collect();
     }
     // Those before it was stopped.
@@ -171,8 +173,8 @@ fn measure_stages(
     let samples = in_turn(&mut emitting, plan.rounds, |subject, round| {
         let mut settings = base.clone();
         settings.photons.amount = Amount::Paths(plan.paths);
-        settings.photons.pass = round; // another pass is another map
-        Ok(subject.pipeline.render(scene, &settings)?.times.emit)
+        let pass = Pass { index: round, ..Pass::single(&settings) }; // another pass is another map
+        Ok(subject.pipeline.render_pass(scene, &settings, &pass)?.times.emit)
     })?;
     emission.samples = emitting.iter().map(|s| s.name).zip(samples).collect();
     measures.push(emission);
@@ -188,11 +190,12 @@ fn measure_stages(
         let grids = in_turn(&mut numbered, plan.rounds, |(i, subject), round| {
             let mut settings = base.clone();
             settings.photons.amount = Amount::Stored(stored);
-            settings.photons.pass = round; // a map that was never sorted: what a frame has
-            let times = subject.pipeline.render(scene, &settings)?.times;
+            // A map that was never sorted: what a frame has.
+            let pass = Pass { index: round, ..Pass::single(&settings) };
+            let times = subject.pipeline.render_pass(scene, &settings, &pass)?.times;
             if round > 0 && subject.pipeline.backend == Backend::OpenGl {
                 // What the driver put off shows in the trace that follows, and not in the next.
-                let put_off = times.trace - subject.pipeline.retrace(scene, &settings)?;
+                let put_off = times.trace - subject.pipeline.retrace(scene, &settings, &pass)?;
                 uploads[*i].ms.push(times.upload + put_off.max(0.0));
             }
             Ok(times.grid)

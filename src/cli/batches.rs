@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::film::Image;
 use crate::pipeline::{Pipeline, Rendering, Times};
 use crate::scene::Scene;
-use crate::settings::{Amount, Method, Settings, Technique};
+use crate::settings::{Amount, Method, Pass, Settings, Technique};
 use crate::stage::map::MapCounts;
 
 /// Most batches that are tried: a device that has no room for a 64th of the photons has none for the picture.
@@ -42,7 +42,7 @@ fn may_be_cut(settings: &Settings, batches: u32) -> bool {
 fn in_batches(pipeline: &mut Pipeline, scene: &Scene, settings: &Settings, batches: u32) -> Result<Rendering> {
     let Amount::Paths(paths) = settings.photons.amount else { return pipeline.render(scene, settings) };
     let mut settings = settings.clone();
-    let (first, wanted) = (settings.photons.pass, settings.gather.radius);
+    let wanted = settings.gather.radius;
     let mut sums: Vec<[f64; 3]> = Vec::new();
     let (mut times, mut counts) = (Times::default(), MapCounts::default());
     let mut last = None;
@@ -51,13 +51,13 @@ fn in_batches(pipeline: &mut Pipeline, scene: &Scene, settings: &Settings, batch
         let share = |batch: u32| (u64::from(paths) * u64::from(batch) / u64::from(batches)) as u32;
         let own = share(batch + 1) - share(batch);
         settings.photons.amount = Amount::Paths(own);
-        settings.photons.pass = first.wrapping_mul(batches).wrapping_add(batch);
-        let mut rendering = pipeline.render(scene, &settings)?;
+        let pass = Pass { index: batch, ..Pass::single(&settings) };
+        let mut rendering = pipeline.render_pass(scene, &settings, &pass)?;
         if let (0, None, Some(radius)) = (batch, wanted, rendering.radius) {
             // A chosen radius falls as n^(−1/6) (`radius.rs`), and n is that of all batches.
             settings.gather.radius = Some(radius * (batches as f32).powf(-1.0 / 6.0));
             times.add(&rendering.times);
-            rendering = pipeline.render(scene, &settings)?;
+            rendering = pipeline.render_pass(scene, &settings, &pass)?;
         }
         times.add(&rendering.times);
         let photons = rendering.photons.unwrap_or_default();

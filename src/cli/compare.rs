@@ -14,7 +14,7 @@ use crate::pipeline::{Devices, Pipeline};
 use crate::program::features::Features;
 use crate::rays::scene::SceneTables;
 use crate::records::packing::Packed;
-use crate::settings::{Backend, Method, Settings};
+use crate::settings::{Backend, Method, Pass, Settings};
 
 /// Render a scene on every backend and compare the pictures, or compare two image files
 #[derive(clap::Args)]
@@ -151,7 +151,7 @@ fn compare_backends(args: &Args) -> Result<()> {
     }
     // The twin tells which pixels two right renderers may see differently.
     let (features, packed) = (Features::of(&scene, &settings), Packed::new(&scene, scene.camera.position));
-    let frame = packed.frame(&scene.camera, &settings);
+    let frame = packed.frame(&scene.camera, &settings, &Pass::single(&settings));
     let tables = SceneTables::new(&packed, &features);
     let on_edge =
         |pixel: usize| is_on_edge(&tables, &frame, pixel as u32 % settings.width, pixel as u32 / settings.width);
@@ -196,7 +196,7 @@ fn timed(
     let image = pipeline.render(scene, settings)?.image;
     let mut times = Vec::new();
     for _ in 0..repeat {
-        times.push(pipeline.retrace(scene, settings)?);
+        times.push(pipeline.retrace(scene, settings, &Pass::single(settings))?);
     }
     times.sort_by(f64::total_cmp);
     Ok((image, times.get(times.len() / 2).copied().unwrap_or(f64::NAN)))

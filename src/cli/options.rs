@@ -187,11 +187,7 @@ impl RenderOptions {
             samples: self.spp.unwrap_or(1),
             seed: self.seed,
             light: self.light.or(scene.render.light).unwrap_or_default(),
-            photons: Photons {
-                amount: stored.or(paths).unwrap_or(default.photons.amount),
-                sampler: self.sampler,
-                ..default.photons
-            },
+            photons: Photons { amount: stored.or(paths).unwrap_or(default.photons.amount), sampler: self.sampler },
             gather: Gather {
                 method: self.gather.or(scene.render.gather).unwrap_or(default.gather.method),
                 density_kernel: self.kernel.unwrap_or_default(),

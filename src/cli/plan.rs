@@ -9,17 +9,19 @@ use super::{output, print_json};
 use crate::device::memory;
 use crate::error::{Error, Result};
 use crate::pipeline::class_of;
-use crate::pipeline::path_count::{Beginning, wants_photons};
+use crate::pipeline::path_count::Beginning;
 use crate::plan::choice::{self, Class, Estimate, Question};
 use crate::plan::radius;
 use crate::program::features::{Features, Reason};
 use crate::program::source::{Options, assemble, units};
 use crate::rays::emission::EmissionPlan;
 use crate::rays::scene::SceneTables;
+use crate::records::packed_scene::PackedScene;
 use crate::records::packing::Packed;
 use crate::records::{Frame, Light, Material, Record, Shape, TEXEL, TEXTURE_WIDTH_LOG2, TextureShape};
 use crate::scene::Scene;
-use crate::settings::{Amount, Backend, LightMode, Settings};
+use crate::settings::{Amount, Backend, LightMode, Pass, Settings};
+use crate::techniques::wants_photons;
 
 /// Show which stages and features a scene needs, what is skipped and why
 #[derive(clap::Args)]
@@ -97,14 +99,15 @@ fn gathering(
     scene: &Scene,
     settings: &Settings,
     features: &Features,
-    packed: &Packed,
+    packed: &PackedScene,
 ) -> Result<Option<Gathering>> {
     if !wants_photons(scene, settings) {
         return Ok(None);
     }
     let beginning = Beginning::new(scene, settings, packed, features, PATHS)?;
     let stored = beginning.stored(settings.photons.amount);
-    let (tables, frame) = (SceneTables::new(packed, features), packed.frame(&scene.camera, settings));
+    let (tables, frame) =
+        (SceneTables::new(packed, features), packed.frame(&scene.camera, settings, &Pass::single(settings)));
     let radius = settings.gather.radius.unwrap_or_else(|| radius::choose(&tables, &frame, &beginning.sample, stored));
     let weigh = |class| {
         let question = Question { stored, radius, tile: settings.gather.tile, class };
@@ -204,7 +207,7 @@ fn print_source(unit: &str, lanes: u32, features: &Features) -> Result<()> {
 
 fn report(options: &RenderOptions, scene: &Scene, settings: &Settings, chosen: Option<String>) -> Result<Report> {
     let (features, reasons) = Features::explain(scene, settings);
-    let packed = Packed::new(scene, scene.camera.position);
+    let packed = PackedScene::new(Packed::new(scene, scene.camera.position));
     let uploads = vec![
         table::<Frame>(1),
         table::<Shape>(packed.shapes.len()),

@@ -43,7 +43,7 @@ mod tests {
     use super::*;
     use crate::program::features::Features;
     use crate::records::packing::Packed;
-    use crate::settings::Settings;
+    use crate::settings::{Pass, Settings};
 
     #[test]
     fn edges_are_found_where_they_are_and_nowhere_else() {
@@ -53,7 +53,8 @@ mod tests {
         let scene = crate::scene::parse(text, "limb").unwrap();
         let settings = Settings { width: 400, height: 400, ..Settings::default() };
         let (features, packed) = (Features::of(&scene, &settings), Packed::new(&scene, scene.camera.position));
-        let (tables, frame) = (SceneTables::new(&packed, &features), packed.frame(&scene.camera, &settings));
+        let (tables, frame) =
+            (SceneTables::new(&packed, &features), packed.frame(&scene.camera, &settings, &Pass::single(&settings)));
         let limb = 200.0 / 15f64.sqrt();
         let mut found = 0;
         for (column, row) in (0..400).flat_map(|row| (0..400).map(move |column| (column, row))) {

@@ -1,6 +1,11 @@
 //! What can change between two pictures, and which stages that makes stale: one table, read top to bottom. Nothing else
 //! decides what is rebuilt.
 
+pub use crate::stage::Stage;
+
+use crate::scene::Scene;
+use crate::settings::{Pass, Settings, Technique};
+
 /// A set of kinds of change.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Change(u32);
@@ -8,7 +13,7 @@ pub struct Change(u32);
 impl Change {
     /// Nothing.
     pub const NONE: Change = Change(0);
-    /// The viewpoint, or the image's size or samples.
+    /// The viewpoint, the image's size or samples, or which pass it is.
     pub const CAMERA: Change = Change(1);
     /// A light's position or intensity.
     pub const LIGHTS: Change = Change(2);
@@ -16,7 +21,7 @@ impl Change {
     pub const MATERIALS: Change = Change(4);
     /// Spheres or planes: place, number, or which material they have.
     pub const GEOMETRY: Change = Change(8);
-    /// Which code is needed: the permutation of the programs.
+    /// Which code is needed: the permutation of the programs. Told by the technique, once its map is sorted.
     pub const FEATURES: Change = Change(16);
     /// How many photons, their seed or pass, or which of them are stored.
     pub const PHOTONS: Change = Change(32);
@@ -26,6 +31,30 @@ impl Change {
     pub const TECHNIQUE: Change = Change(128);
     /// All of it: the first picture.
     pub const ALL: Change = Change(255);
+
+    /// What differs between two pictures, but for the code that they need: that is known once the map is sorted.
+    pub fn between(
+        (before, was, then): (&Scene, &Settings, &Pass),
+        (scene, settings, pass): (&Scene, &Settings, &Pass),
+    ) -> Change {
+        let size = |s: &Settings| (s.width, s.height, s.samples);
+        let emitted = |s: &Settings, pass: &Pass| (s.photons, s.light, pass.index, pass.seed);
+        // What a technique's own tables are made from.
+        let technique = |s: &Settings| match s.technique {
+            Technique::Map => None,
+            Technique::FinalGather(gather) => Some((gather.spacing > 1, gather.texels)),
+        };
+        Change::CAMERA
+            .when(before.camera != scene.camera || size(was) != size(settings) || then != pass)
+            .and(Change::LIGHTS.when(before.lights != scene.lights))
+            .and(Change::MATERIALS.when(before.materials != scene.materials))
+            .and(Change::GEOMETRY.when(before.spheres != scene.spheres || before.planes != scene.planes))
+            .and(Change::PHOTONS.when(emitted(was, then) != emitted(settings, pass)))
+            .and(Change::GATHER.when(was.gather != settings.gather))
+            .and(Change::TECHNIQUE.when(technique(was) != technique(settings)))
+            // Rays and points are asked for anew by every picture.
+            .and(Change::CAMERA.when(was.technique != settings.technique))
+    }
 
     /// Both sets together.
     pub fn and(self, other: Change) -> Change {
@@ -41,32 +70,6 @@ impl Change {
     pub fn touches(self, other: Change) -> bool {
         self.0 & other.0 != 0
     }
-}
-
-/// A step of the pipeline that can be stale.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Stage {
-    /// Building programs for the permutation.
-    Compile,
-    /// Scene records to the device.
-    Upload,
-    /// Emission of photons.
-    Photons,
-    /// Photons into cells.
-    Grid,
-    /// Photons into screen-space tiles.
-    Tiles,
-    /// Photon map to where it is gathered.
-    Textures,
-    /// Primary rays, shading.
-    Trace,
-}
-
-impl Stage {
-    /// In the pipeline's order.
-    pub const ALL: [Stage; 7] =
-        [Stage::Compile, Stage::Upload, Stage::Photons, Stage::Grid, Stage::Tiles, Stage::Textures, Stage::Trace];
 }
 
 /// For each kind of change, the stages that it makes stale.

@@ -4,15 +4,17 @@
 use std::rc::Rc;
 
 use crate::error::{Error, Result};
-use crate::pipeline::emission;
 use crate::plan::photon_sample::Sample;
 use crate::plan::radius;
 use crate::program::features::Features;
+use crate::rays::emission::Emission;
 use crate::rays::scene::SceneTables;
+use crate::records::packed_scene::PackedScene;
 use crate::records::packing::Packed;
 use crate::scene::Scene;
-use crate::settings::{Amount, LightMode, Photons, Settings};
+use crate::settings::{Amount, LightMode, Pass, Photons, Settings};
 use crate::stage::map::{MapCounts, MapStage};
+use crate::techniques::wants_photons;
 
 /// Photons that a map should hold. A density estimate of them at the radius that is chosen for them rests on some
 /// 1,400 photons: 2 to 3% of noise a pixel, about as much as its bias.
@@ -41,12 +43,6 @@ pub struct Beginning {
     pub sample: Sample,
 }
 
-/// Whether a picture has photons at all.
-pub fn wants_photons(scene: &Scene, settings: &Settings) -> bool {
-    let shapes = scene.spheres.len() + scene.planes.len();
-    settings.light != LightMode::Direct && !scene.lights.is_empty() && shapes > 0
-}
-
 impl Beginning {
     /// Emits the first `paths` paths of a picture's map, or stores so many photons where a number of those is asked
     /// for.
@@ -56,7 +52,7 @@ impl Beginning {
     pub fn new(
         scene: &Scene,
         settings: &Settings,
-        packed: &Packed,
+        packed: &PackedScene,
         features: &Features,
         paths: u32,
     ) -> Result<Beginning> {
@@ -69,7 +65,7 @@ impl Beginning {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
         let pool = Rc::new(pool.map_err(|error| Error::Device(format!("a thread: {error}")))?);
         let mut map = MapStage::on_host(pool);
-        let emission = emission(&shortened);
+        let emission = Emission::of(&shortened, &Pass::single(settings));
         map.upload(packed, &features.of_photons(scene), &emission)?;
         let counts = map.emit(&emission)?;
         Ok(Beginning { counts, sample: map.sample(radius::SAMPLE)? })
@@ -119,10 +115,10 @@ pub fn choose(scene: &Scene, settings: &Settings) -> Result<Option<Chosen>> {
         return Ok(None);
     }
     let features = Features::of(scene, settings);
-    let packed = Packed::new(scene, scene.camera.position);
+    let packed = PackedScene::new(Packed::new(scene, scene.camera.position));
     let amount = Amount::Paths(LOOKED_AT);
-    // Of every seed's and pass's picture the same number.
-    let looking = Settings { seed: 0, photons: Photons { amount, pass: 0, ..settings.photons }, ..settings.clone() };
+    // Of every seed's picture the same number.
+    let looking = Settings { seed: 0, photons: Photons { amount, ..settings.photons }, ..settings.clone() };
     let beginning = Beginning::new(scene, &looking, &packed, &features, LOOKED_AT)?;
     let of_a_path = beginning.of_a_path();
     if of_a_path == 0.0 {
@@ -132,7 +128,8 @@ pub fn choose(scene: &Scene, settings: &Settings) -> Result<Option<Chosen>> {
     let mut wanted = STORED;
     let mut of_radius = String::new();
     if let Some(radius) = settings.gather.radius {
-        let (tables, frame) = (SceneTables::new(&packed, &features), packed.frame(&scene.camera, settings));
+        let (tables, frame) =
+            (SceneTables::new(&packed, &features), packed.frame(&scene.camera, settings, &Pass::single(settings)));
         let own = radius::choose(&tables, &frame, &beginning.sample, STORED as u64);
         wanted *= f64::from(own / radius).powi(6).clamp(1.0 / OF_RADIUS, OF_RADIUS);
         of_radius = format!(" at R = {radius} m");

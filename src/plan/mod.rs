@@ -5,6 +5,5 @@ pub mod charts;
 pub mod choice;
 pub mod photon_sample;
 pub mod radius;
-pub mod site_lattice;
 pub mod tiling;
 pub mod warnings;

@@ -7,7 +7,7 @@ use glam::DVec3;
 use crate::kinds::ShapeKind;
 use crate::records::{LIGHTS_IN_UNIFORMS, SHAPES_IN_UNIFORMS};
 use crate::scene::{Plane, Scene, Sphere};
-use crate::settings::{LightMode, Settings};
+use crate::settings::{LightMode, Pass, Settings};
 
 /// So many objects are few enough to be counted in the program's text: loops over them are unrolled, and ask for records
 /// at places known beforehand. On two cores direct light takes a sixth less in OpenCL, and 30 to 50% less in software OpenGL;
@@ -99,7 +99,7 @@ impl Features {
             two_sided: two_sided.is_some(),
             glossy: glossy > 0 && !scene.lights.is_empty(),
             ambient: ambient > 0,
-            one_sample: settings.samples == 1 && !settings.jittered,
+            one_sample: settings.samples == 1,
             in_uniforms: spheres + planes <= SHAPES_IN_UNIFORMS && scene.lights.len() <= LIGHTS_IN_UNIFORMS,
             counts: (1..=FEW_SHAPES).contains(&(spheres + planes)).then_some([spheres, planes].map(|n| n as u32)),
         };
@@ -160,6 +160,11 @@ impl Features {
     /// the map was made.
     pub fn of_photons(&self, scene: &Scene) -> Features {
         Features { two_sided: two_sided(scene, None).is_some(), ..*self }
+    }
+
+    /// The same for one of many passes, whose only sample is not the pixel's centre.
+    pub fn of_pass(&self, pass: &Pass) -> Features {
+        Features { one_sample: self.one_sample && !pass.jittered, ..*self }
     }
 
     /// The `#define`s of this permutation, in a fixed order.

@@ -70,10 +70,15 @@ impl Gathering {
         let planes = shapes.len() - sphere_count;
         Gathering {
             clip: planes > 0 && shapes.len() > 1,
-            both_sides: planes > 0 && shapes.len() > 1 && divided,
             footprints: footprints(&shapes[..sphere_count], &shapes[sphere_count..]),
             ..Gathering::default()
         }
+        .divided(divided)
+    }
+
+    /// The same seen from elsewhere: the camera decides whether the scene is divided.
+    pub fn divided(self, divided: bool) -> Gathering {
+        Gathering { both_sides: self.clip && divided, ..self }
     }
 
     /// The `#define`s of this permutation.

@@ -7,6 +7,7 @@
 
 pub mod face;
 mod final_gather;
+pub mod packed_scene;
 pub mod packing;
 mod photons;
 mod prelude;

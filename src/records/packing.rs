@@ -1,10 +1,22 @@
 //! From a scene in double precision to float32 records, recentred so that float32's digits are spent near the camera.
 
+use std::cell::Cell;
+
 use glam::DVec3;
 
 use crate::records::{Frame, LIGHTS_IN_UNIFORMS, Light, Material, PLANE, Record, SHAPES_IN_UNIFORMS, SPHERE, Shape};
 use crate::scene::{Camera, Scene};
-use crate::settings::Settings;
+use crate::settings::{Pass, Settings};
+
+thread_local! {
+    static PACKINGS: Cell<u64> = const { Cell::new(0) };
+}
+
+/// How often this thread has packed a scene. That takes as long as the scene is large: tests hold that nobody does it to
+/// learn that nothing changed.
+pub fn packings() -> u64 {
+    PACKINGS.get()
+}
 
 /// A scene as the devices hold it.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,6 +48,7 @@ impl Packed {
     /// Subtracting it in double precision means that a scene far from the world's origin loses nothing but what its
     /// own numbers had lost already.
     pub fn new(scene: &Scene, origin: DVec3) -> Packed {
+        PACKINGS.set(PACKINGS.get() + 1);
         // A row for each shape, in their order, as long as they are few: then nobody has to fetch an index.
         let used = scene.spheres.iter().map(|s| s.material).chain(scene.planes.iter().map(|p| p.material));
         let shared = shares_materials(scene);
@@ -117,8 +130,8 @@ impl Packed {
         self.shapes.len() - self.sphere_count
     }
 
-    /// The picture's own numbers, for this scene and camera.
-    pub fn frame(&self, camera: &Camera, settings: &Settings) -> Frame {
+    /// The picture's own numbers, for this scene, camera and pass.
+    pub fn frame(&self, camera: &Camera, settings: &Settings, pass: &Pass) -> Frame {
         // An orthonormal basis in double precision, scaled so that (±1, ±1) are the image's corners.
         let forward = (camera.look_at - camera.position).normalize();
         let right = forward.cross(camera.up).normalize();
@@ -136,9 +149,9 @@ impl Packed {
             sphere_count: self.sphere_count as f32,
             plane_count: self.plane_count() as f32,
             light_count: self.lights.len() as f32,
-            seed_low: (settings.seed & 0xffff) as f32,
-            seed_high: (settings.seed >> 16) as f32,
-            first_sample: settings.first_sample as f32,
+            seed_low: (pass.seed & 0xffff) as f32,
+            seed_high: (pass.seed >> 16) as f32,
+            first_sample: pass.first_sample as f32,
         }
     }
 }

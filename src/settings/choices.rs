@@ -4,7 +4,7 @@
 
 /// What users read of one way.
 #[derive(Clone, Copy, Debug)]
-pub struct Row<T: 'static> {
+pub struct ChoiceRow<T: 'static> {
     /// The enum's variant.
     pub value: T,
     /// As users write it, in commands, scene files and JSON.
@@ -19,25 +19,25 @@ pub struct Row<T: 'static> {
     pub is_offered: bool,
 }
 
-impl<T> Row<T> {
+impl<T> ChoiceRow<T> {
     /// A row of which nothing particular is to be said.
-    const fn new(value: T, name: &'static str, help: &'static str) -> Row<T> {
-        Row { value, name, title: name, help, key: None, is_offered: true }
+    const fn new(value: T, name: &'static str, help: &'static str) -> ChoiceRow<T> {
+        ChoiceRow { value, name, title: name, help, key: None, is_offered: true }
     }
 }
 
 /// An enum of ways that users choose among.
 pub trait Choice: Copy + Eq + Send + Sync + 'static {
     /// A row for each variant, in the order in which lists show them.
-    const TABLE: &'static [Row<Self>];
+    const TABLE: &'static [ChoiceRow<Self>];
 
     /// What users read of this way.
-    fn row(self) -> &'static Row<Self> {
+    fn row(self) -> &'static ChoiceRow<Self> {
         Self::TABLE.iter().find(|row| row.value == self).expect("the macro writes a row for each variant")
     }
 
     /// The rows of the ways that users can name.
-    fn offered() -> impl Iterator<Item = &'static Row<Self>> {
+    fn offered() -> impl Iterator<Item = &'static ChoiceRow<Self>> {
         Self::TABLE.iter().filter(|row| row.is_offered)
     }
 
@@ -48,7 +48,7 @@ pub trait Choice: Copy + Eq + Send + Sync + 'static {
 }
 
 /// Declares enums together with their tables: `Variant = "name", "line of help", field: value …;`, where the fields are
-/// those of [`Row`] that differ from [`Row::new`]'s.
+/// those of [`ChoiceRow`] that differ from [`ChoiceRow::new`]'s.
 macro_rules! choices {
     ($(
         $(#[$about:meta])*
@@ -71,14 +71,16 @@ macro_rules! choices {
             pub const ALL: [$choice; [$($name),+].len()] = [$($choice::$way),+];
 
             /// As users write it, in commands, files and JSON.
-            pub fn name(self) -> &'static str {
-                self.row().name
+            pub const fn name(self) -> &'static str {
+                match self {
+                    $($choice::$way => $name,)+
+                }
             }
         }
 
         impl Choice for $choice {
-            const TABLE: &'static [Row<$choice>] =
-                &[$(Row { $($field: $value,)* ..Row::new($choice::$way, $name, $help) }),+];
+            const TABLE: &'static [ChoiceRow<$choice>] =
+                &[$(ChoiceRow { $($field: $value,)* ..ChoiceRow::new($choice::$way, $name, $help) }),+];
         }
 
         impl serde::Serialize for $choice {

@@ -12,20 +12,36 @@ use crate::error::{Error, Result};
 use crate::plan::charts::Charts;
 use crate::program::features::Features;
 use crate::program::source::{Options, assemble};
-use crate::rays::emission::{Amount, Emission, EmissionPlan, Quanta};
-use crate::records::packing::Packed;
+use crate::rays::emission::{Amount, Emission, EmissionPlan, Quanta, Sampler};
+use crate::records::packed_scene::PackedScene;
 use crate::records::{Chart, Texel};
 
 /// Makes irradiance texels on one machine and holds the last ones.
-pub enum IrradianceStage {
+pub struct IrradianceStage {
+    /// What charts, paths and kernels were made from.
+    made_from: Option<MadeFrom>,
+    machine: Machine,
+}
+
+/// See [`IrradianceStage::upload`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct MadeFrom {
+    /// Of the packed scene.
+    generation: u64,
+    features: Features,
+    store_direct: bool,
+    sampler: Sampler,
+    budget: u32,
+}
+
+enum Machine {
     /// By OpenCL's kernels.
     Device(Box<DeviceIrradiance>),
     /// By the twin in Rust.
     Host(Box<HostIrradiance>),
 }
 
-/// See [`IrradianceStage::Device`].
-pub struct DeviceIrradiance {
+struct DeviceIrradiance {
     context: Rc<Context>,
     scene: Option<DeviceScene>,
     /// Splat, resolve and clear, and what the first was built for.
@@ -41,10 +57,9 @@ struct DeviceScene {
     texels: Buffer<Texel>,
 }
 
-/// See [`IrradianceStage::Host`].
-pub struct HostIrradiance {
+struct HostIrradiance {
     pool: Rc<rayon::ThreadPool>,
-    scene: Option<(Packed, Features, EmissionPlan, Charts)>,
+    scene: Option<(PackedScene, Features, EmissionPlan, Charts)>,
     texels: Vec<Texel>,
 }
 
@@ -72,23 +87,39 @@ pub enum IrradianceView<'a> {
 impl IrradianceStage {
     /// On an open device.
     pub fn on_device(context: Rc<Context>) -> IrradianceStage {
-        IrradianceStage::Device(Box::new(DeviceIrradiance { context, scene: None, kernels: None }))
+        let machine = Machine::Device(Box::new(DeviceIrradiance { context, scene: None, kernels: None }));
+        IrradianceStage { made_from: None, machine }
     }
 
     /// On a pool of threads.
     pub fn on_host(pool: Rc<rayon::ThreadPool>) -> IrradianceStage {
-        IrradianceStage::Host(Box::new(HostIrradiance { pool, scene: None, texels: Vec::new() }))
+        let machine = Machine::Host(Box::new(HostIrradiance { pool, scene: None, texels: Vec::new() }));
+        IrradianceStage { made_from: None, machine }
     }
 
-    /// Takes over a scene and builds what its paths need; about `budget` texels for one side each of all objects.
+    /// Takes over a scene and builds what its paths need; about `budget` texels for one side each of all objects. Passes
+    /// of one scene find it done.
     ///
     /// # Errors
     /// [`Error::Build`] and [`Error::Device`] from the device; [`Error::Usage`] for too many lights.
-    pub fn upload(&mut self, packed: &Packed, features: &Features, emission: &Emission, budget: u32) -> Result<()> {
+    pub fn upload(
+        &mut self,
+        packed: &PackedScene,
+        features: &Features,
+        emission: &Emission,
+        budget: u32,
+    ) -> Result<()> {
+        let Emission { store_direct, sampler, .. } = *emission;
+        let made_from =
+            MadeFrom { generation: packed.generation(), features: *features, store_direct, sampler, budget };
+        if self.made_from == Some(made_from) {
+            return Ok(());
+        }
+        self.made_from = None; // until all of it is there
         let charts = Charts::new(packed, budget);
         let plan = EmissionPlan::of(packed, emission.store_direct)?;
-        match self {
-            IrradianceStage::Device(stage) => {
+        match &mut self.machine {
+            Machine::Device(stage) => {
                 let context = &stage.context;
                 let paths = Paths::new(context, packed, plan)?;
                 let mut defines = vec!["HAS_CHARTS".to_string()];
@@ -113,10 +144,11 @@ impl IrradianceStage {
                     texels: Buffer::new(context, charts.texels())?,
                 });
             }
-            IrradianceStage::Host(stage) => {
+            Machine::Host(stage) => {
                 stage.scene = Some((packed.clone(), *features, plan, charts));
             }
         }
+        self.made_from = Some(made_from);
         Ok(())
     }
 
@@ -128,8 +160,8 @@ impl IrradianceStage {
         let Amount::Paths(paths) = emission.amount else {
             return Err(Error::Usage("--stored: final gathering stores no photons; give --photons".into()));
         };
-        match self {
-            IrradianceStage::Device(stage) => {
+        match &mut self.machine {
+            Machine::Device(stage) => {
                 let (Some(scene), Some((_, [splat, resolve, clear]))) = (&stage.scene, &stage.kernels) else {
                     return Err(no_scene());
                 };
@@ -155,7 +187,7 @@ impl IrradianceStage {
                 context.launch(resolve, &args, &[count], None)?;
                 context.finish()?;
             }
-            IrradianceStage::Host(stage) => {
+            Machine::Host(stage) => {
                 let Some((packed, features, plan, charts)) = &stage.scene else { return Err(no_scene()) };
                 let scene = crate::rays::scene::SceneTables::new(packed, features);
                 stage.texels = stage.pool.install(|| cpu::texels::irradiance(&scene, plan, charts, emission, paths));
@@ -166,12 +198,12 @@ impl IrradianceStage {
 
     /// The last texels.
     pub fn view(&self) -> Option<IrradianceView<'_>> {
-        match self {
-            IrradianceStage::Device(stage) => {
+        match &self.machine {
+            Machine::Device(stage) => {
                 let scene = stage.scene.as_ref()?;
                 Some(IrradianceView::Device { context: &stage.context, charts: &scene.charts, texels: &scene.texels })
             }
-            IrradianceStage::Host(stage) => {
+            Machine::Host(stage) => {
                 let (.., charts) = stage.scene.as_ref()?;
                 Some(IrradianceView::Host { charts: &charts.records, texels: &stage.texels })
             }
@@ -180,17 +212,17 @@ impl IrradianceStage {
 
     /// How the lights share the paths.
     pub fn plan(&self) -> Option<&EmissionPlan> {
-        match self {
-            IrradianceStage::Device(stage) => stage.scene.as_ref().map(|scene| &scene.paths.plan),
-            IrradianceStage::Host(stage) => stage.scene.as_ref().map(|(_, _, plan, _)| plan),
+        match &self.machine {
+            Machine::Device(stage) => stage.scene.as_ref().map(|scene| &scene.paths.plan),
+            Machine::Host(stage) => stage.scene.as_ref().map(|(_, _, plan, _)| plan),
         }
     }
 
     /// Bytes held on the device.
     pub fn bytes(&self) -> usize {
-        match self {
-            IrradianceStage::Device(_) => 0, // the context counts its buffers
-            IrradianceStage::Host(stage) => size_of_val(&stage.texels[..]),
+        match &self.machine {
+            Machine::Device(_) => 0, // the context counts its buffers
+            Machine::Host(stage) => size_of_val(&stage.texels[..]),
         }
     }
 }

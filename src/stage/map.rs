@@ -18,7 +18,7 @@ use crate::program::features::Features;
 use crate::rays::emission::{self, Emission};
 use crate::records::Frame;
 use crate::records::face::faces_of;
-use crate::records::packing::Packed;
+use crate::records::packed_scene::PackedScene;
 use crate::settings::Method;
 
 /// Makes photon maps on one machine and holds the last one.
@@ -38,7 +38,7 @@ pub struct DeviceMap {
     tiles: Option<Box<TileStage>>,
     /// In path order; none while the grid has it.
     stored: Option<PhotonMap>,
-    packed: Option<Packed>,
+    packed: Option<PackedScene>,
     /// Whether light straight from the lamps is stored, as the last upload's plan has it.
     stores_direct: Option<bool>,
     /// What the last map came from.
@@ -48,7 +48,7 @@ pub struct DeviceMap {
 /// See [`MapStage::Host`].
 pub struct HostMap {
     pool: Rc<rayon::ThreadPool>,
-    scene: Option<(Packed, Features, emission::EmissionPlan)>,
+    scene: Option<(PackedScene, Features, emission::EmissionPlan)>,
     stores_direct: Option<bool>,
     stored: cpu::photons::PhotonTables,
     plan: cells::GridPlan,
@@ -121,11 +121,12 @@ impl MapStage {
     ///
     /// # Errors
     /// [`Error::Build`] and [`Error::Device`] from the device; [`Error::Usage`] for too many lights.
-    pub fn upload(&mut self, packed: &Packed, features: &Features, emission: &Emission) -> Result<()> {
+    pub fn upload(&mut self, packed: &PackedScene, features: &Features, emission: &Emission) -> Result<()> {
         let direct = Some(emission.store_direct);
         match self {
             MapStage::Device(map) => {
-                if map.packed.as_ref() != Some(packed) || map.stores_direct != direct {
+                let known = map.packed.as_ref().map(PackedScene::generation);
+                if known != Some(packed.generation()) || map.stores_direct != direct {
                     map.photons.upload(packed, emission::EmissionPlan::of(packed, emission.store_direct)?)?;
                     (map.packed, map.stores_direct) = (Some(packed.clone()), direct);
                 }
@@ -133,7 +134,11 @@ impl MapStage {
             }
             MapStage::Host(map) => {
                 let plan = match map.scene.take() {
-                    Some((known, _, plan)) if known == *packed && map.stores_direct == direct => plan,
+                    Some((known, _, plan))
+                        if known.generation() == packed.generation() && map.stores_direct == direct =>
+                    {
+                        plan
+                    }
                     _ => emission::EmissionPlan::of(packed, emission.store_direct)?,
                 };
                 (map.scene, map.stores_direct) = (Some((packed.clone(), *features, plan)), direct);

@@ -23,6 +23,7 @@ use crate::program::gathering::Gathering;
 use crate::rays::camera::camera_direction;
 use crate::rays::random::{hash2_u, unit_real};
 use crate::rays::scene::SceneTables;
+use crate::records::packed_scene::PackedScene;
 use crate::records::packing::Packed;
 use crate::records::{Frame, Material, PLANE, PhotonPosition, PhotonPower, Shape};
 use crate::settings::Backend;
@@ -302,7 +303,7 @@ fn picture(
     frame: &Frame,
 ) -> Result<Vec<[f32; 3]>> {
     tracer.compile(permutation)?;
-    tracer.upload(packed)?;
+    tracer.upload(&PackedScene::new(packed.clone()))?;
     tracer.upload_map(view, gathering)?;
     tracer.trace(frame, crate::stage::trace::Indirect::Map(view))?;
     Ok(tracer.read()?.pixels)

@@ -1,115 +1,192 @@
-//! Which technique makes radiance of a pass's photons, and with which settings, where the user leaves it open.
+//! Techniques: how a pass's light becomes radiance. Each has a file of its own, which says its stages in their order, the
+//! tables it needs, which code (and so which `#define`s), what its passes take by default, what the next of them takes,
+//! and how its error is estimated; and a row in [`TABLE`]. Nobody else branches on them.
 
-use crate::error::{Error, Result};
-use crate::program::features::Features;
-use crate::rays::emission::{Amount, is_closed};
-use crate::records::packing::Packed;
+pub mod density;
+pub mod direct;
+pub mod final_gather;
+mod wish;
+
+use std::rc::Rc;
+
+use glam::DVec3;
+
+use crate::cpu::photons::fruitless;
+use crate::device::cl;
+use crate::error::Result;
+use crate::film::Image;
+use crate::plan::choice::Class;
+use crate::program::features::{Features, is_divided};
+use crate::records::Frame;
+use crate::records::packed_scene::PackedScene;
+use crate::records::table_sets::TableSet;
 use crate::scene::Scene;
-pub use crate::settings::TechniqueKind as Kind;
-use crate::settings::{FinalGather, LightMode, Settings, Technique};
+use crate::settings::{Amount, GridForm, LightMode, Method, Pass, Settings, Technique};
+use crate::stage::Stage;
+use crate::stage::map::{MapCounts, MapView};
+use crate::stage::times::{Stopwatch, Times};
+use crate::stage::trace::{Permutation, Trace};
 
-/// What the user asked for of what decides the technique; the rest is left open.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Wish {
-    /// The technique itself.
-    pub kind: Option<Kind>,
-    /// Rays of a site of final gathering in one pass.
-    pub rays: Option<u32>,
-    /// Rays of a sample of it that gathers for itself.
-    pub own_rays: Option<u32>,
-    /// Lit points of a pass of it.
-    pub points: Option<u32>,
-    /// Pixels from site to site of final gathering.
-    pub spacing: Option<u32>,
-    /// A gather method, radius, kernel, grid or tiles: who asks for one of them asks for density estimates.
-    pub estimates: bool,
-    /// A number of photons.
-    pub photons: bool,
-    /// A number of samples.
-    pub samples: bool,
-    /// Not a wish: a GPU renders, for which a pass of few rays is over before it has begun.
-    pub on_gpu: bool,
+pub use final_gather::Usual;
+pub use wish::{Wish, default_technique};
+
+/// What a technique says of itself.
+pub struct Row {
+    /// As users write it and reports name it.
+    pub name: &'static str,
+    /// In the order in which they run.
+    pub stages: &'static [Stage],
+    /// What it reads beside the scene's own tables.
+    pub tables: &'static [&'static TableSet],
+    /// Settles what the user left open about its passes.
+    pub settle: fn(&Wish, &Scene, &mut Settings) -> Result<()>,
+    /// What pass `index` takes otherwise than all of them; the sums are those of its [`Bias`].
+    pub of_pass: fn(&mut Settings, index: u64, sums: &[f64]),
+    /// How wrong the mean of its passes is beyond their noise, which their spread tells; none: not at all.
+    pub bias: Option<Bias>,
+    /// What it holds on a machine.
+    pub open: fn(&Place) -> Result<Box<dyn Stages>>,
 }
 
-impl Wish {
-    /// Settles the technique of passes, and what it changes about photons and samples.
-    ///
-    /// # Errors
-    /// [`Error::Usage`] for wishes that contradict each other or the scene.
-    pub fn settle(&self, scene: &Scene, settings: &mut Settings) -> Result<()> {
-        let suitable = default_technique(scene, settings);
-        settings.technique = match (self.kind, suitable) {
-            (Some(Kind::FinalGather), Technique::Map) => {
-                return Err(Error::Usage(
-                    "--technique final-gather: wants --light hybrid, --photons rather than --stored, and no glossy \
-                     surface, whose view of the texels has no direction"
-                        .into(),
-                ));
-            }
-            (Some(Kind::Map), _) => Technique::Map,
-            (None, _) if self.estimates => Technique::Map,
-            _ => suitable,
-        };
-        let usual = Usual::of(scene, settings, self.on_gpu);
-        match &mut settings.technique {
-            Technique::FinalGather(gather) => {
-                gather.rays = self.rays.unwrap_or(usual.gather.rays);
-                gather.own_rays = self.own_rays.unwrap_or(usual.gather.own_rays);
-                gather.points = self.points.unwrap_or(usual.gather.points);
-                gather.spacing = self.spacing.unwrap_or(usual.gather.spacing);
-                if !self.photons {
-                    settings.photons.amount = Amount::Paths(usual.paths);
-                }
-                if !self.samples {
-                    settings.samples = usual.samples;
-                }
-                Ok(())
-            }
-            Technique::Map if self.rays.or(self.own_rays).or(self.points).or(self.spacing).is_some() => Err(
-                Error::Usage("--rays, --own-rays, --points and --spacing belong to --technique final-gather".into()),
-            ),
-            Technique::Map => Ok(()),
+/// Every technique there is.
+pub static TABLE: [&Row; 3] = [&direct::ROW, &density::ROW, &final_gather::ROW];
+
+/// The technique that the settings ask for.
+pub fn asked(settings: &Settings) -> &'static Row {
+    match settings.technique {
+        Technique::Map => &density::ROW,
+        Technique::FinalGather(_) => &final_gather::ROW,
+    }
+}
+
+/// The technique that makes a picture: without photons there is direct light only.
+///
+/// # Errors
+/// [`crate::error::Error::Usage`] where a number of stored photons is asked for and nothing can store any.
+pub fn of(scene: &Scene, settings: &Settings) -> Result<&'static Row> {
+    match settings.photons.amount {
+        _ if wants_photons(scene, settings) => Ok(asked(settings)),
+        Amount::Stored(wanted) if settings.light != LightMode::Direct => Err(fruitless(wanted, 0, 0)),
+        _ => Ok(&direct::ROW),
+    }
+}
+
+/// Whether a picture has photons at all.
+pub fn wants_photons(scene: &Scene, settings: &Settings) -> bool {
+    let shapes = scene.spheres.len() + scene.planes.len();
+    settings.light != LightMode::Direct && !scene.lights.is_empty() && shapes > 0
+}
+
+/// How the bias of a mean of passes is estimated, from sums that are kept beside the passes' own.
+pub struct Bias {
+    /// How many sums a picture of so many pixels takes.
+    pub sums: fn(pixels: usize) -> usize,
+    /// Adds pass `index`, made with this gather radius.
+    pub add: fn(&mut [f64], index: u64, radius: f32, image: &Image),
+    /// Of each pixel of a mean of so many passes; empty where it cannot be told.
+    pub estimate: fn(&[f64], mean: &[DVec3], passes: u64, size: (u32, u32)) -> Vec<DVec3>,
+}
+
+/// A machine for stages that run in OpenCL or by the twins.
+pub enum Place {
+    /// An OpenCL device.
+    Device(Rc<cl::Context>),
+    /// Threads of the CPU.
+    Host(Rc<rayon::ThreadPool>),
+}
+
+/// A picture in the making: what it is of, and what it took so far.
+pub struct Task<'a> {
+    /// What is seen.
+    pub scene: &'a Scene,
+    /// As the user asked for it.
+    pub settings: &'a Settings,
+    /// Which of many it is.
+    pub pass: &'a Pass,
+    /// What scene and settings ask of the code.
+    pub features: Features,
+    /// Some plane keeps camera and lights apart.
+    pub is_divided: bool,
+    /// The scene as the machine has it.
+    pub packed: PackedScene,
+    /// The picture's own numbers.
+    pub frame: Frame,
+    /// What gathering costs here.
+    pub class: Class,
+    /// What stages took.
+    pub times: Times,
+    /// Since the last of them.
+    pub stopwatch: Stopwatch,
+    /// Tables that were moved for this picture.
+    pub uploads: u64,
+}
+
+impl<'a> Task<'a> {
+    /// A picture of a scene that is packed already.
+    pub fn new(scene: &'a Scene, settings: &'a Settings, pass: &'a Pass, packed: PackedScene, class: Class) -> Self {
+        Task {
+            scene,
+            settings,
+            pass,
+            features: Features::of(scene, settings).of_pass(pass),
+            is_divided: is_divided(scene),
+            frame: packed.frame(&scene.camera, settings, pass),
+            packed,
+            class,
+            times: Times::default(),
+            stopwatch: Stopwatch::start(),
+            uploads: 0,
         }
     }
 }
 
-/// What suits a scene where the settings leave it open: final gathering wherever it is right.
-pub fn default_technique(scene: &Scene, settings: &Settings) -> Technique {
-    let suits = settings.light == LightMode::Hybrid
-        && !Features::of(scene, settings).glossy
-        && matches!(settings.photons.amount, Amount::Paths(_));
-    if suits { Technique::FinalGather(FinalGather::default()) } else { Technique::Map }
-}
+/// What a technique holds on a machine, and what its stages do there.
+pub trait Stages {
+    /// Does what is this technique's own of a stage: all but packing the scene, building programs and tracing. Whether
+    /// there was anything to do.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Build`] and [`crate::error::Error::Device`] from the device.
+    fn run(&mut self, stage: Stage, task: &mut Task, tracer: &mut dyn Trace) -> Result<bool>;
 
-/// Settings of final gathering that buy the least error a second.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Usual {
-    /// Rays, lit points, spacing, texels.
-    pub gather: FinalGather,
-    /// Paths of a pass.
-    pub paths: u32,
-    /// Samples of a pixel in a pass.
-    pub samples: u32,
-}
+    /// Which code traces the picture. Known once the stages before [`Stage::Compile`] are done.
+    fn permutation(&self, task: &Task) -> Permutation;
 
-impl Usual {
-    /// Measured on the report's scenes, see the README. Where light leaves the scene, little comes from a second bounce;
-    /// on a GPU a pass costs as much in launches as all the rays of a CPU's pass. Paths go with the pixels: then
-    /// emission stays the same share of a pass.
-    pub fn of(scene: &Scene, settings: &Settings, on_gpu: bool) -> Usual {
-        let gather = FinalGather::default();
-        let rays = |rays, own_rays, points| FinalGather { rays, own_rays, points, ..gather };
-        let (gather, paths, samples) = match (is_closed(&Packed::new(scene, scene.camera.position)), on_gpu) {
-            (true, false) => (gather, 65_536, 2),
-            (false, false) => (rays(16, 8, 16), 16_384, 2),
-            (true, true) => (rays(256, 32, 256), 524_288, 4),
-            (false, true) => (rays(64, 16, 64), 131_072, 4),
-        };
-        // Of the 320 × 240 pixels that this was measured with.
-        let share = f64::from(settings.width) * f64::from(settings.height) / 76_800.0;
-        let paths = (f64::from(paths) * share).clamp(4096.0, 2_097_152.0) as u32;
-        Usual { gather, paths, samples }
+    /// Traces the picture with what the stages made.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Device`] from the device.
+    fn trace(&self, task: &Task, tracer: &mut dyn Trace) -> Result<()>;
+
+    /// What the stages made, in numbers.
+    fn made(&self) -> Made {
+        Made::default()
     }
+
+    /// The photon map, where there is one.
+    fn map(&self) -> Option<MapView<'_>> {
+        None
+    }
+
+    /// Bytes held, the tracer's apart.
+    fn bytes(&self) -> usize {
+        0
+    }
+}
+
+/// What the stages of a picture made, in numbers; none: there is no such thing.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Made {
+    /// Photons, emitted and stored.
+    pub photons: Option<MapCounts>,
+    /// How they were gathered.
+    pub method: Option<Method>,
+    /// Size of the tiles, pixels.
+    pub tile: Option<[u32; 2]>,
+    /// Gather radius, metres.
+    pub radius: Option<f32>,
+    /// The grid's form.
+    pub form: Option<GridForm>,
 }
 
 #[cfg(test)]
@@ -117,29 +194,37 @@ mod tests {
     use super::*;
 
     #[test]
-    fn passes_suit_scene_size_and_device() {
-        let load = |name: &str| crate::scene::load(std::path::Path::new(&format!("scenes/{name}.toml"))).expect("ours");
-        let size = |width, height| Settings { width, height, ..Settings::default() };
-        let (room, open) = (load("gi_ref"), load("sphere_and_plane"));
-        let usual = Usual::of(&room, &size(320, 240), false);
-        assert_eq!((usual.gather, usual.paths), (FinalGather::default(), 65_536));
-        // Where light leaves the scene there is less to gather; a GPU does more in a pass.
-        assert!(Usual::of(&open, &size(320, 240), false).paths < usual.paths);
-        assert!(Usual::of(&room, &size(320, 240), true).paths > usual.paths);
-        assert_eq!(Usual::of(&room, &size(640, 480), false).paths, 4 * usual.paths);
-        assert_eq!(Usual::of(&room, &size(1, 1), false).paths, 4096);
-        assert_eq!(Usual::of(&room, &size(65_000, 65_000), true).paths, 2_097_152);
+    fn rows_have_names_of_their_own_and_all_that_a_picture_takes() {
+        for (number, row) in TABLE.iter().enumerate() {
+            assert!(TABLE[..number].iter().all(|other| other.name != row.name), "{} is there twice", row.name);
+            let place = |stage| row.stages.iter().position(|one| *one == stage);
+            for stage in [Stage::Upload, Stage::Compile, Stage::Trace] {
+                assert!(place(stage).is_some(), "{}: no {stage:?}", row.name);
+            }
+            // The scene comes first, and the form of the grid decides which code is needed.
+            assert_eq!(place(Stage::Upload), Some(0), "{}", row.name);
+            assert!(place(Stage::Grid) <= place(Stage::Compile), "{}", row.name);
+            assert_eq!(row.stages.last(), Some(&Stage::Trace), "{}", row.name);
+            // Who emits photons reads them from tables, and nobody else does.
+            assert_eq!(place(Stage::Photons).is_some(), !row.tables.is_empty(), "{}", row.name);
+        }
+    }
 
-        // What is asked for stays.
-        let wish = Wish { rays: Some(3), photons: true, ..Wish::default() };
-        let mut settings = size(320, 240);
-        let asked = settings.photons.amount;
-        wish.settle(&room, &mut settings).expect("no contradiction");
-        let Technique::FinalGather(gather) = settings.technique else { panic!("{:?}", settings.technique) };
-        assert_eq!((gather.rays, settings.photons.amount, settings.samples), (3, asked, usual.samples));
-        assert!(
-            Wish { kind: Some(Kind::Map), ..wish }.settle(&room, &mut settings).is_err(),
-            "rays belong to the other"
-        );
+    #[test]
+    fn a_picture_without_photons_is_direct_light_whatever_is_asked_for() {
+        let scene = crate::scene::load(std::path::Path::new("scenes/gi_ref.toml")).unwrap();
+        let name = |scene: &Scene, settings: &Settings| of(scene, settings).map(|row| row.name);
+        let mut settings = Settings::default();
+        assert_eq!(name(&scene, &settings).unwrap(), "map");
+        settings.technique = Technique::FinalGather(Default::default());
+        assert_eq!(name(&scene, &settings).unwrap(), "final-gather");
+        let mut dark = scene.clone();
+        dark.lights.clear();
+        assert_eq!(name(&dark, &settings).unwrap(), "direct");
+        // A number of stored photons is then not to be had, unless none are wanted.
+        settings.photons.amount = Amount::Stored(10);
+        assert!(name(&dark, &settings).is_err());
+        settings.light = LightMode::Direct;
+        assert_eq!(name(&scene, &settings).unwrap(), "direct");
     }
 }

@@ -15,7 +15,7 @@ use crate::film::Image;
 use crate::pipeline::change::Stage;
 use crate::pipeline::progressive::Progressive;
 use crate::pipeline::{Devices, Film, Machine, Pipeline, Rendering, Times};
-use crate::settings::{Backend, Method, Settings, Technique};
+use crate::settings::{Backend, Method, Pass, Settings, Technique};
 use crate::stage::map::MapCounts;
 
 /// How a frame came about.
@@ -127,7 +127,8 @@ impl Engine {
         self.in_turn(request.backend, |engine| {
             let start = Instant::now();
             let settings = request.draft(level);
-            let Some(drawn) = engine.draw(request, &settings, until)? else { return Ok(None) };
+            let pass = Pass::single(&settings);
+            let Some(drawn) = engine.draw(request, &settings, &pass, until)? else { return Ok(None) };
             engine.mean.restart();
             let image = engine.show(&settings)?;
             let mut made = FrameReport { level, ..engine.made(start, request, drawn, &settings) };
@@ -170,7 +171,7 @@ impl Engine {
             engine.pipeline.iter_mut().for_each(|pipeline| pipeline.set_rows(rows));
         };
         set_rows(self, &rows);
-        let drawn = self.draw(request, &settings, Until::Done);
+        let drawn = self.draw(request, &settings, &Pass::single(&settings), Until::Done);
         set_rows(self, &[]);
         drawn?;
         let Some(pipeline) = &mut self.pipeline else { return Ok(()) };
@@ -192,9 +193,9 @@ impl Engine {
     ) -> Result<Option<FrameReport>> {
         self.in_turn(request.backend, |engine| {
             let start = Instant::now();
-            let settings = passes.next_settings()?;
+            let (settings, pass) = passes.next_pass()?;
             let until = if stoppable { Until::Unwanted } else { Until::Done };
-            let Some(mut drawn) = engine.draw(request, &settings, until)? else { return Ok(None) };
+            let Some(mut drawn) = engine.draw(request, &settings, &pass, until)? else { return Ok(None) };
             if passes.passes() == 0 {
                 engine.mean.restart();
             }
@@ -238,7 +239,7 @@ impl Engine {
         })
     }
 
-    fn draw(&mut self, request: &Request, settings: &Settings, until: Until) -> Result<Option<Rendering>> {
+    fn draw(&mut self, request: &Request, settings: &Settings, pass: &Pass, until: Until) -> Result<Option<Rendering>> {
         if self.pipeline.as_ref().is_none_or(|pipeline| pipeline.backend != request.backend) {
             self.pipeline = None; // its memory first
             self.pipeline =
@@ -247,7 +248,7 @@ impl Engine {
         let pause = self.pause(until);
         let Some(pipeline) = &mut self.pipeline else { unreachable!("opened above") };
         pipeline.set_pause(Some(pause));
-        let drawn = pipeline.draw(&request.scene, settings)?;
+        let drawn = pipeline.draw(&request.scene, settings, pass)?;
         if until == Until::Unwanted && !pipeline.missing().is_empty() {
             return Ok(None);
         }

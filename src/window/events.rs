@@ -123,11 +123,11 @@ impl Open {
         let written = scene::parse(&text, &path.display().to_string())?;
         write_beside(&path, |file| file.write_all(text.as_bytes()))?;
         self.watch.acknowledge();
-        self.state.saved = Arc::new(written.clone());
+        self.state.saved = Arc::new(written);
         // The numbers as they were written, so that nothing differs from the file.
-        self.state.hand.camera = written.camera.clone();
+        self.state.hand.camera = self.state.saved.camera.clone();
         self.state.first_settings = self.state.settings.clone();
-        self.state.scene = written;
+        self.state.scene = Arc::clone(&self.state.saved);
         Ok(())
     }
 

@@ -110,18 +110,18 @@ impl Input {
             }
             Grip::Thing(held) => {
                 let center = held.center(&state.hand.camera, place(to, area));
-                match held.thing {
+                state.edit(|scene| match held.thing {
                     Thing::Light(i) => {
-                        if let Some(light) = state.scene.lights.get_mut(i) {
+                        if let Some(light) = scene.lights.get_mut(i) {
                             light.position = center;
                         }
                     }
                     Thing::Sphere(i) => {
-                        if let Some(sphere) = state.scene.spheres.get_mut(i) {
+                        if let Some(sphere) = scene.spheres.get_mut(i) {
                             sphere.center = center;
                         }
                     }
-                }
+                });
             }
         }
         true

@@ -75,7 +75,7 @@ impl Doing {
             // the front has no other picture to come with.
             Some(last) => Doing { job, again: last.made.is_some(), ..last },
             None => Doing {
-                key: job.request.key(),
+                key: job.request.key().clone(),
                 job,
                 halved: false,
                 full: false,

@@ -4,7 +4,7 @@ use std::sync::LazyLock;
 
 use winit::keyboard::{Key, KeyCode, NamedKey, PhysicalKey};
 
-use crate::settings::{Backend, Choice, LightMode, Method, Row};
+use crate::settings::{Backend, Choice, ChoiceRow, LightMode, Method};
 
 /// What a key does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,7 +54,7 @@ pub struct Binding {
 
 /// Keys of the gather methods, then all others, for keys by letter.
 pub static TABLE: LazyLock<Vec<Binding>> = LazyLock::new(|| {
-    let gather = |row: &'static Row<Method>| {
+    let gather = |row: &'static ChoiceRow<Method>| {
         let (key, does) = row.key?;
         Some(Binding { key, does: does.into(), action: Action::Gather(row.value) })
     };

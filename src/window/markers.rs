@@ -5,11 +5,9 @@ use glam::{DVec3, Vec3};
 
 use crate::error::Result;
 use crate::pipeline::Pipeline;
-use crate::program::features::Features;
 use crate::rays::scene::SceneTables;
 use crate::records::{Face, Gather, PhotonPosition, PhotonPower, Region, Tile};
 use crate::scene::Scene;
-use crate::settings::Settings;
 use crate::stage::map::MapView;
 
 /// Which markers are drawn.
@@ -74,16 +72,15 @@ impl Markers {
     ///
     /// # Errors
     /// [`crate::error::Error::Device`] when the transfer fails.
-    pub fn collect(pipeline: &Pipeline, scene: &Scene, settings: &Settings, wanted: &ShownMarkers) -> Result<Markers> {
-        let Some((map, packed)) = pipeline.map() else { return Ok(Markers::default()) };
+    pub fn collect(pipeline: &Pipeline, scene: &Scene, wanted: &ShownMarkers) -> Result<Markers> {
+        let Some((map, packed, features)) = pipeline.map() else { return Ok(Markers::default()) };
         let mut markers = Markers::default();
         let visible = {
-            let features = Features::of(scene, settings);
             let eye = (scene.camera.position - packed.origin).as_vec3();
             move |point: Vec3| {
                 let away = point - eye;
                 let distance = away.length();
-                let tables = SceneTables::new(packed, &features);
+                let tables = SceneTables::new(packed, features);
                 // 1/1000: a photon lies on its surface to within rounding.
                 tables.closest_hit(eye, away / distance, None).is_none_or(|hit| hit.t > distance * 0.999)
             }

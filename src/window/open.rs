@@ -28,8 +28,7 @@ use super::watch::Watch;
 use crate::device::gl::{Present, Windowed};
 use crate::device::submissions;
 use crate::error::Result;
-use crate::settings::Backend;
-use crate::techniques::Kind;
+use crate::settings::{Backend, TechniqueKind};
 
 /// A worker has something.
 #[derive(Debug)]
@@ -143,7 +142,7 @@ impl Open {
         let mut wish = options.wish;
         wish.on_gpu = !software;
         if wish.estimates {
-            wish.kind.get_or_insert(Kind::Map); // until the user asks for something else
+            wish.kind.get_or_insert(TechniqueKind::Map); // until the user asks for something else
         }
         let mut state = State::new(options.path, options.scene, options.settings, backend, wish);
         (state.panel, state.passes) = (options.panel, options.passes);

@@ -68,11 +68,11 @@ impl Pane {
             self.to_refine = Some(job.clone());
             job.goal = Goal::Settled;
         }
-        let key = job.request.key();
+        let key = job.request.key().clone();
         if self.fronts.is_none() && job.request.backend != Backend::Cpu && self.terms.budget.is_some() {
             // The very first picture: the CPU needs no programs and shows something while they are built.
             let mut preview = job.clone();
-            (preview.request.backend, preview.goal) = (Backend::Cpu, Goal::Draft);
+            (preview.request, preview.goal) = (job.request.on(Backend::Cpu), Goal::Draft);
             self.hand_to_front(preview);
         }
         if self.fronts.is_none() || self.front.knows(&key) {
@@ -86,7 +86,7 @@ impl Pane {
             .fronts
             .as_ref()
             .map(|shown| shown.seen_from(&job.request.scene.camera, settings.width, settings.height));
-        if let Some(request) = known.filter(|request| self.front.knows(&request.key())) {
+        if let Some(request) = known.filter(|request| self.front.knows(request.key())) {
             // Within the budget: the builder needs the rest of the machine.
             self.hand_to_front(Job { request, goal: Goal::Draft, ..job.clone() });
         }

@@ -8,6 +8,7 @@ use super::history::History;
 use super::keys::{Action, GESTURES, TABLE};
 use super::state::{Right, State};
 use crate::device::gl::ToneMap;
+use crate::scene::Material;
 use crate::settings::{Amount, Backend, Choice, LightMode, Method, Technique, TechniqueKind};
 use crate::techniques::default_technique;
 
@@ -265,46 +266,50 @@ fn camera(ui: &mut Ui, state: &mut State) {
 }
 
 fn lights(ui: &mut Ui, state: &mut State) {
-    for (i, light) in state.scene.lights.iter_mut().enumerate() {
-        ui.label(format!("light {}", i + 1));
-        vector(ui, "position", &mut light.position, 0.02);
-        let strongest = light.intensity.max_element().max(1e-3);
-        vector(ui, "W/sr", &mut light.intensity, strongest / 100.0);
-        light.intensity = light.intensity.clamp(DVec3::ZERO, DVec3::splat(1e30));
-    }
+    state.edit(|scene| {
+        for (i, light) in scene.lights.iter_mut().enumerate() {
+            ui.label(format!("light {}", i + 1));
+            vector(ui, "position", &mut light.position, 0.02);
+            let strongest = light.intensity.max_element().max(1e-3);
+            vector(ui, "W/sr", &mut light.intensity, strongest / 100.0);
+            light.intensity = light.intensity.clamp(DVec3::ZERO, DVec3::splat(1e30));
+        }
+    });
     if state.scene.lights.is_empty() {
         ui.label("none");
     }
 }
 
 fn materials(ui: &mut Ui, state: &mut State) {
-    for material in &mut state.scene.materials {
-        let name = material.name.clone();
-        ui.push_id(&name, |ui| {
-            ui.horizontal(|ui| {
-                let mut color = material.color.as_vec3().to_array();
-                if ui.color_edit_button_rgb(&mut color).changed() {
-                    material.color = color.map(|c| f64::from(c).clamp(0.0, 1.0)).into();
-                }
-                ui.label(&name);
-            });
-            // Shares of what arrives: one gives way to the other, so that no more leaves.
-            let most = 1.0 - material.transmission;
-            if ui.add(egui::Slider::new(&mut material.diffuse, 0.0..=most).text("diffuse")).changed() {
-                material.specular = material.specular.min(most - material.diffuse).max(0.0);
+    state.edit(|scene| scene.materials.iter_mut().for_each(|one| material(ui, one)));
+}
+
+fn material(ui: &mut Ui, material: &mut Material) {
+    let name = material.name.clone();
+    ui.push_id(&name, |ui| {
+        ui.horizontal(|ui| {
+            let mut color = material.color.as_vec3().to_array();
+            if ui.color_edit_button_rgb(&mut color).changed() {
+                material.color = color.map(|c| f64::from(c).clamp(0.0, 1.0)).into();
             }
-            if ui.add(egui::Slider::new(&mut material.specular, 0.0..=most).text("specular")).changed() {
-                material.diffuse = material.diffuse.min(most - material.specular).max(0.0);
-                if material.specular > 0.0 && material.roughness == 0.0 {
-                    material.roughness = 0.2;
-                }
-            }
-            if material.specular > 0.0 {
-                ui.add(egui::Slider::new(&mut material.roughness, 0.02..=1.0).text("roughness"));
-            }
-            ui.add(egui::Slider::new(&mut material.ambient, 0.0..=1.0).text("ambient"));
+            ui.label(&name);
         });
-    }
+        // Shares of what arrives: one gives way to the other, so that no more leaves.
+        let most = 1.0 - material.transmission;
+        if ui.add(egui::Slider::new(&mut material.diffuse, 0.0..=most).text("diffuse")).changed() {
+            material.specular = material.specular.min(most - material.diffuse).max(0.0);
+        }
+        if ui.add(egui::Slider::new(&mut material.specular, 0.0..=most).text("specular")).changed() {
+            material.diffuse = material.diffuse.min(most - material.specular).max(0.0);
+            if material.specular > 0.0 && material.roughness == 0.0 {
+                material.roughness = 0.2;
+            }
+        }
+        if material.specular > 0.0 {
+            ui.add(egui::Slider::new(&mut material.roughness, 0.02..=1.0).text("roughness"));
+        }
+        ui.add(egui::Slider::new(&mut material.ambient, 0.0..=1.0).text("ambient"));
+    });
 }
 
 /// The window of F1.

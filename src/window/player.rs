@@ -41,10 +41,10 @@ impl Player {
         if !ready || self.awaited.is_some() || self.is_done() {
             return false;
         }
-        let mut scene = state.scene_as_seen();
+        let mut scene = (*state.scene_as_seen()).clone();
         self.script.apply(self.counting.frames(), &mut scene);
         state.hand.camera = scene.camera.clone();
-        state.scene = scene;
+        state.edit(|edited| *edited = scene);
         let Some(request) = state.request(false) else { return false };
         // A picture that is there already is not made again.
         self.arrived = pane.shown().is_some_and(|frame| frame.request == request);

@@ -185,7 +185,7 @@ pub fn replay(
     while counting.frames() < frames {
         let mut seen = scene.clone();
         script.apply(counting.frames(), &mut seen);
-        let request = Request::new(seen, settings.clone(), backend, &Wish::default());
+        let request = Request::new(Arc::new(seen), settings.clone(), backend, &Wish::default());
         let level = ladder.as_ref().map_or(Level::FULL, Ladder::level);
         let start = Instant::now();
         // The first one builds programs, however long that takes.

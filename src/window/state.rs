@@ -1,5 +1,6 @@
 //! What the user has set: scene, camera, settings, what is shown. Keys and panel change it; the app draws it.
 
+use std::cell::RefCell;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -10,8 +11,8 @@ use super::pick::{self, Thing};
 use super::request::Request;
 use crate::device::gl::ToneMap;
 use crate::scene::Scene;
-use crate::settings::{Backend, LightMode, Method, Settings};
-use crate::techniques::{Kind, Wish};
+use crate::settings::{Backend, LightMode, Method, Settings, TechniqueKind};
+use crate::techniques::Wish;
 
 /// The right picture of two: what differs from the left one.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,8 +29,12 @@ pub struct State {
     pub path: PathBuf,
     /// As the file has it: the last one that could be read.
     pub saved: Arc<Scene>,
-    /// As it is shown, but for the camera.
-    pub scene: Scene,
+    /// As it is shown, but for the camera. Changed by [`State::edit`]: as long as it is the same one, nobody has to look
+    /// into it.
+    pub scene: Arc<Scene>,
+    seen: RefCell<Seen>,
+    /// What was made of all this last, of the left picture and of the right one.
+    asked: RefCell<[Option<Asked>; 2]>,
     /// The camera.
     pub hand: Controller,
     /// Of the left picture; the size is the pane's.
@@ -70,6 +75,21 @@ pub struct State {
     pub failure: Option<String>,
 }
 
+/// The scene with the camera where it is.
+struct Seen {
+    of: Arc<Scene>,
+    scene: Arc<Scene>,
+}
+
+/// A request, and what it was made of.
+struct Asked {
+    scene: Arc<Scene>,
+    settings: Settings,
+    backend: Backend,
+    wish: Wish,
+    request: Request,
+}
+
 /// What the app has to do after an action, beyond drawing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effect {
@@ -92,11 +112,14 @@ impl State {
         if settings.gather.method == Method::Auto {
             settings.gather.method = Method::Grid; // choosing anew for every frame would swap programs as one moves
         }
+        let scene = Arc::new(scene);
         State {
             path,
             hand: Controller::new(scene.camera.clone(), size_of(&scene)),
-            saved: Arc::new(scene.clone()),
+            saved: Arc::clone(&scene),
             exposure: scene.render.exposure.unwrap_or(0.0) as f32,
+            seen: RefCell::new(Seen { of: Arc::clone(&scene), scene: Arc::clone(&scene) }),
+            asked: RefCell::default(),
             scene,
             first_settings: settings.clone(),
             settings,
@@ -118,10 +141,19 @@ impl State {
         }
     }
 
-    /// What the left picture is, or the right one.
+    /// Edits the scene, but for the camera, which is the hand's. One that comes out as it was is the same one as before.
+    pub fn edit(&mut self, edit: impl FnOnce(&mut Scene)) {
+        let mut scene = (*self.scene).clone();
+        edit(&mut scene);
+        scene.camera.clone_from(&self.scene.camera);
+        if scene != *self.scene {
+            self.scene = Arc::new(scene);
+        }
+    }
+
+    /// What the left picture is, or the right one. As long as nothing changes this is asked at every event: then it is
+    /// what it was, and no scene is looked into.
     pub fn request(&self, right: bool) -> Option<Request> {
-        let mut scene = self.scene.clone();
-        scene.camera = self.hand.camera.clone();
         let (mut settings, mut backend) = (self.settings.clone(), self.backend);
         if right {
             let other = self.right?;
@@ -129,12 +161,26 @@ impl State {
         }
         // The twins are slow wherever the window is.
         let wish = Wish { on_gpu: self.wish.on_gpu && backend != Backend::Cpu, ..self.wish };
-        Some(Request::new(scene, settings, backend, &wish))
+        let seen = self.scene_as_seen();
+        let last = &mut self.asked.borrow_mut()[usize::from(right)];
+        let same = |last: &Asked| {
+            Arc::ptr_eq(&last.scene, &self.scene)
+                && (last.backend, last.wish) == (backend, wish)
+                && last.settings == settings
+        };
+        let request = match last.take().filter(same) {
+            Some(last) if Arc::ptr_eq(&last.request.scene, &seen) => last.request,
+            Some(last) => last.request.of_view(seen),
+            None => Request::new(seen, settings.clone(), backend, &wish),
+        };
+        let scene = Arc::clone(&self.scene);
+        *last = Some(Asked { scene, settings, backend, wish, request: request.clone() });
+        Some(request)
     }
 
     /// The user changed how photons are gathered: passes do it that way, too.
     pub fn gather_asked(&mut self) {
-        self.wish.kind = Some(Kind::Map);
+        self.wish.kind = Some(TechniqueKind::Map);
     }
 
     /// The file was read again: what the user changed gives way, but the camera stays unless the file moved it.
@@ -142,8 +188,8 @@ impl State {
         if scene.camera != self.saved.camera {
             self.hand.rehome(scene.camera.clone());
         }
-        self.saved = Arc::new(scene.clone());
-        self.scene = scene;
+        self.saved = Arc::new(scene);
+        self.scene = Arc::clone(&self.saved);
         self.file_error = None;
     }
 
@@ -194,11 +240,14 @@ impl State {
         Effect::None
     }
 
-    /// The scene with the camera where it is.
-    pub fn scene_as_seen(&self) -> Scene {
-        let mut scene = self.scene.clone();
-        scene.camera = self.hand.camera.clone();
-        scene
+    /// The scene with the camera where it is: the same one as long as neither changes.
+    pub fn scene_as_seen(&self) -> Arc<Scene> {
+        let mut seen = self.seen.borrow_mut();
+        if !Arc::ptr_eq(&seen.of, &self.scene) || seen.scene.camera != self.hand.camera {
+            let scene = Scene { camera: self.hand.camera.clone(), ..(*self.scene).clone() };
+            *seen = Seen { of: Arc::clone(&self.scene), scene: Arc::new(scene) };
+        }
+        Arc::clone(&seen.scene)
     }
 
     /// What a split first compares with: another backend, the same method.
@@ -213,7 +262,7 @@ impl State {
 
     /// The scene as it would be written: the camera where it is, and the settings that differ from the file's.
     pub fn to_save(&self) -> Scene {
-        let mut scene = self.scene_as_seen();
+        let mut scene = (*self.scene_as_seen()).clone();
         let (now, then) = (&self.settings, &self.first_settings);
         let render = &mut scene.render;
         if now.light != then.light {
@@ -265,6 +314,7 @@ fn size_of(scene: &Scene) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::records::packing::packings;
 
     fn state() -> State {
         let text = "[camera]\nposition = [0, 0, 9]\nlook_at = [0, 0, 0]\n";
@@ -292,6 +342,79 @@ mod tests {
         }
         assert!(state.markers.is_empty());
         assert_eq!(state.act(Action::Quit, false), Effect::Quit);
+    }
+
+    fn lit() -> State {
+        let text = "[camera]\nposition = [0, 0, 9]\nlook_at = [0, 0, 0]\n[materials.m]\ncolor = [1, 1, 1]\n\
+                    [[lights]]\nposition = [0, 3, 0]\nintensity = [9, 9, 9]\n\
+                    [[spheres]]\ncenter = [0, 0, 0]\nradius = 1\nmaterial = \"m\"\n\
+                    [[planes]]\nnormal = [0, 1, 0]\noffset = -1\nmaterial = \"m\"\n";
+        let scene = crate::scene::parse(text, "lit.toml").unwrap();
+        State::new("lit.toml".into(), scene, Settings::default(), Backend::OpenGl, Wish::default())
+    }
+
+    #[test]
+    fn idle_events_pack_nothing_and_a_moved_camera_packs_nothing_either() {
+        let mut state = lit();
+        state.act(Action::Split, false);
+        let before = packings();
+        let first = [false, true].map(|right| state.request(right).unwrap());
+        assert!(packings() > before, "the first request knows nothing yet");
+        let (before, saved) = (packings(), Arc::clone(&state.scene));
+        for _ in 0..100 {
+            // What no event changed, and what was edited to what it was.
+            state.edit(|scene| scene.lights[0].position.y = 3.0);
+            for (right, first) in [false, true].into_iter().zip(&first) {
+                let request = state.request(right).unwrap();
+                assert!(Arc::ptr_eq(&request.scene, &first.scene) && request == *first);
+            }
+            assert!(Arc::ptr_eq(&state.scene_as_seen(), &first[0].scene), "picking looks at the same one");
+        }
+        assert!(Arc::ptr_eq(&state.scene, &saved));
+        state.hand.orbit(0.1, 0.0);
+        assert!(state.request(false).unwrap().scene.camera != first[0].scene.camera);
+        assert_eq!(packings() - before, 0, "scenes packed to learn that nothing changed");
+        state.edit(|scene| scene.lights[0].position.y = 2.0);
+        state.request(false);
+        assert!(packings() > before, "what changed has to be looked into");
+    }
+
+    /// A change, and whether it asks for other programs.
+    type Case = (&'static str, fn(&mut State), bool);
+
+    #[test]
+    fn every_change_makes_another_request_and_the_key_is_the_one_of_a_fresh_start() {
+        const CASES: &[Case] = &[
+            ("camera", |state| state.hand.orbit(0.1, 0.0), false),
+            ("camera below the floor", |state| state.hand.camera.position.y = -5.0, true),
+            ("light's place", |state| state.edit(|scene| scene.lights[0].position.x = 1.0), false),
+            ("light below the floor", |state| state.edit(|scene| scene.lights[0].position.y = -3.0), true),
+            ("light's intensity", |state| state.edit(|scene| scene.lights[0].intensity.x = 1.0), false),
+            ("second light", |state| state.edit(|scene| scene.lights.push(scene.lights[0].clone())), true),
+            ("sphere", |state| state.edit(|scene| scene.spheres[0].center.x = 1.0), false),
+            ("no sphere", |state| state.edit(|scene| scene.spheres.clear()), true),
+            ("colour", |state| state.edit(|scene| scene.materials[0].color.x = 0.5), false),
+            ("gloss", |state| state.edit(|scene| scene.materials[0].specular = 0.5), true),
+            ("photons", |state| state.settings.photons.amount = crate::settings::Amount::Paths(77), false),
+            ("size", |state| state.settings.width = 99, false),
+            ("method", |state| state.settings.gather.method = Method::Knn, true),
+            ("light mode", |state| state.settings.light = LightMode::Photons, true),
+            ("backend", |state| state.backend = Backend::Cpu, true),
+            ("rays", |state| state.wish.rays = Some(3), false),
+            ("technique", |state| state.gather_asked(), false),
+            ("another file", |state| state.reload(Scene { spheres: Vec::new(), ..(*state.scene).clone() }), true),
+        ];
+        for (what, change, other_programs) in CASES {
+            let mut state = lit();
+            let before = state.request(false).unwrap();
+            change(&mut state);
+            let request = state.request(false).unwrap();
+            assert!(request != before, "{what}: nothing new is drawn");
+            assert_eq!(request.key() != before.key(), *other_programs, "{what}");
+            // As by a window that never saw what was before.
+            let fresh = Request::new(state.scene_as_seen(), state.settings.clone(), state.backend, &state.wish);
+            assert!(request == fresh && request.key() == fresh.key(), "{what}");
+        }
     }
 
     #[test]

@@ -160,7 +160,7 @@ impl Thread<'_> {
         let markers = match (&doing.job.markers, self.engine.pipeline()) {
             (Some(wanted), Some(pipeline)) => {
                 let _held = self.terms.driver_lock.take();
-                Markers::collect(pipeline, &request.scene, &request.settings, wanted).ok().map(Arc::new)
+                Markers::collect(pipeline, &request.scene, wanted).ok().map(Arc::new)
             }
             _ => None,
         };

@@ -2,7 +2,7 @@
 
 use photile::film::Image;
 use photile::film::metrics::{self, Within, flipped_pixels, measure_except};
-use photile::settings::{Backend, Settings};
+use photile::settings::{Backend, Pass};
 
 use crate::common::{all_shipped, backends, direct, open, render, shipped};
 
@@ -71,10 +71,10 @@ fn samples_lie_in_the_same_places() {
         for (image, pipeline) in images.iter().zip(&mut pipelines) {
             let differ = apart(image, &images[0]);
             assert!(differ <= FLIPS, "{samples} samples, {}: {differ} pixels differ", pipeline.backend.name());
-            for other in
-                [Settings { seed: 0x1_0000, ..settings.clone() }, Settings { first_sample: 1, ..settings.clone() }]
-            {
-                let differ = apart(image, &render(pipeline, &scene, &other));
+            let own = Pass::single(&settings);
+            for other in [Pass { seed: 0x1_0000, ..own }, Pass { first_sample: 1, ..own }] {
+                let picture = pipeline.render_pass(&scene, &settings, &other).unwrap_or_else(|error| panic!("{error}"));
+                let differ = apart(image, &picture.image);
                 assert!(differ > 20 * FLIPS, "{samples} samples: {differ} pixels differ for {other:?}");
             }
         }
@@ -87,8 +87,11 @@ fn passes_go_on_where_the_last_one_stopped() {
     let scene = shipped("gi_ref");
     for mut pipeline in backends() {
         let whole = render(&mut pipeline, &scene, &direct(160, 120, 8));
-        let halves =
-            [0, 4].map(|first_sample| render(&mut pipeline, &scene, &Settings { first_sample, ..direct(160, 120, 4) }));
+        let settings = direct(160, 120, 4);
+        let halves = [0, 4].map(|first_sample| {
+            let pass = Pass { first_sample, ..Pass::single(&settings) };
+            pipeline.render_pass(&scene, &settings, &pass).unwrap_or_else(|error| panic!("{error}")).image
+        });
         for (i, pixel) in whole.pixels.iter().enumerate() {
             for (c, found) in pixel.iter().enumerate() {
                 let mean = 0.5 * (halves[0].pixels[i][c] + halves[1].pixels[i][c]);

@@ -4,36 +4,36 @@ use glam::DVec3;
 use photile::pipeline::change::Stage::{self, Compile, Grid, Photons, Textures, Tiles, Trace, Upload};
 use photile::program::features::Features;
 use photile::scene::{Scene, Sphere};
-use photile::settings::{Amount, LightMode, Settings};
+use photile::settings::{Amount, Backend, FinalGather, Gather, LightMode, Method, Pass, Settings, Technique};
 
 use crate::common::{backends, direct, open, scene, shipped};
 
-/// A change to scene or settings, and the stages that it leaves alone.
-type Case = (&'static str, fn(&mut Scene, &mut Settings), &'static [Stage]);
+/// A change to scene, settings or pass, and the stages that it leaves alone.
+type Case = (&'static str, fn(&mut Scene, &mut Settings, &mut Pass), &'static [Stage]);
 
 const CASES: &[Case] = &[
-    ("nothing", |_, _| {}, &[Compile, Upload, Trace]),
-    ("camera", |scene, _| scene.camera.position.x += 0.5, &[Compile, Upload]),
-    ("field of view", |scene, _| scene.camera.fov_y = 40.0, &[Compile, Upload]),
-    ("size", |_, settings| settings.width = 90, &[Compile, Upload]),
-    ("seed", |_, settings| settings.seed = 7, &[Compile, Upload]),
-    ("first sample", |_, settings| settings.first_sample = 3, &[Compile, Upload]),
-    ("light's place", |scene, _| scene.lights[0].position.y -= 0.5, &[Compile]),
-    ("light's intensity", |scene, _| scene.lights[0].intensity.x *= 2.0, &[Compile]),
-    ("material's colour", |scene, _| scene.materials[0].color.x *= 0.5, &[Compile]),
-    ("sphere", |scene, _| scene.spheres[0].center.x += 0.3, &[Compile]),
-    ("plane", |scene, _| scene.planes[0].offset += 0.3, &[Compile]),
-    ("other material", |scene, _| scene.planes[0].material = 1, &[Compile]),
-    ("samples", |_, settings| settings.samples = 1, &[Upload]),
-    ("second light", |scene, _| scene.lights.push(scene.lights[0].clone()), &[]),
-    ("ambient", |scene, _| scene.materials[0].ambient = 0.1, &[]),
+    ("nothing", |_, _, _| {}, &[Compile, Upload, Trace]),
+    ("camera", |scene, _, _| scene.camera.position.x += 0.5, &[Compile, Upload]),
+    ("field of view", |scene, _, _| scene.camera.fov_y = 40.0, &[Compile, Upload]),
+    ("size", |_, settings, _| settings.width = 90, &[Compile, Upload]),
+    ("seed", |_, _, pass| pass.seed = 7, &[Compile, Upload]),
+    ("first sample", |_, _, pass| pass.first_sample = 3, &[Compile, Upload]),
+    ("light's place", |scene, _, _| scene.lights[0].position.y -= 0.5, &[Compile]),
+    ("light's intensity", |scene, _, _| scene.lights[0].intensity.x *= 2.0, &[Compile]),
+    ("material's colour", |scene, _, _| scene.materials[0].color.x *= 0.5, &[Compile]),
+    ("sphere", |scene, _, _| scene.spheres[0].center.x += 0.3, &[Compile]),
+    ("plane", |scene, _, _| scene.planes[0].offset += 0.3, &[Compile]),
+    ("other material", |scene, _, _| scene.planes[0].material = 1, &[Compile]),
+    ("samples", |_, settings, _| settings.samples = 1, &[Upload]),
+    ("second light", |scene, _, _| scene.lights.push(scene.lights[0].clone()), &[]),
+    ("ambient", |scene, _, _| scene.materials[0].ambient = 0.1, &[]),
     (
         "third sphere",
-        |scene, _| scene.spheres.push(Sphere { center: DVec3::new(-0.5, 0.5, -8.0), ..scene.spheres[0] }),
+        |scene, _, _| scene.spheres.push(Sphere { center: DVec3::new(-0.5, 0.5, -8.0), ..scene.spheres[0] }),
         &[],
     ),
-    ("no spheres", |scene, _| scene.spheres.clear(), &[]),
-    ("no lights", |scene, _| scene.lights.clear(), &[]),
+    ("no spheres", |scene, _, _| scene.spheres.clear(), &[]),
+    ("no lights", |scene, _, _| scene.lights.clear(), &[]),
 ];
 
 #[test]
@@ -47,8 +47,9 @@ fn only_what_changed_is_redone_and_the_picture_is_that_of_a_fresh_start() {
             let what = format!("{}, {what}", pipeline.backend.name());
             pipeline.render(&scene, &settings).unwrap();
             let (mut changed, mut changed_settings) = (scene.clone(), settings.clone());
-            change(&mut changed, &mut changed_settings);
-            let found = pipeline.render(&changed, &changed_settings).unwrap();
+            let mut pass = Pass::single(&settings);
+            change(&mut changed, &mut changed_settings, &mut pass);
+            let found = pipeline.render_pass(&changed, &changed_settings, &pass).unwrap();
             // With direct light only, there is never a photon map.
             let of_photons = |stage: &Stage| [Photons, Grid, Tiles, Textures].contains(stage);
             assert!(found.skipped.iter().filter(|stage| of_photons(stage)).count() == 4, "{what}");
@@ -61,10 +62,59 @@ fn only_what_changed_is_redone_and_the_picture_is_that_of_a_fresh_start() {
                 assert!(found.image != first.image, "{what}: the picture is the old one");
             }
             // As on a backend that never saw the scene before the change, but for the origin that a moved camera keeps.
-            let expected = fresh.render(&changed, &changed_settings).unwrap().image;
+            let expected = fresh.render_pass(&changed, &changed_settings, &pass).unwrap().image;
             let apart = expected.pixels.iter().zip(&found.image.pixels);
             let apart = apart.filter(|(a, b)| (0..3).any(|c| (a[c] - b[c]).abs() > 1e-4 * a[c] + 1e-5)).count();
             assert!(apart <= 3, "{what}: {apart} pixels are not those of a fresh start");
+        }
+    }
+}
+
+/// What only pictures of photons show.
+const OF_PHOTONS: &[Case] = &[
+    ("number of photons", |_, settings, _| settings.photons.amount = Amount::Paths(1500), &[Compile, Upload]),
+    ("pass", |_, _, pass| pass.index = 5, &[Compile, Upload]),
+];
+
+#[test]
+fn pictures_of_photons_follow_every_change_to_the_byte() {
+    let (scene, other) = (shipped("gi_ref"), shipped("sphere_and_plane"));
+    let direct = direct(24, 18, 2);
+    let photons = photile::settings::Photons { amount: Amount::Paths(1000), ..direct.photons };
+    let map = |method| {
+        let gather = Gather { method, ..direct.gather };
+        Settings { light: LightMode::Hybrid, photons, gather, ..direct.clone() }
+    };
+    let rays = FinalGather { rays: 4, own_rays: 2, points: 4, texels: 2000, ..FinalGather::default() };
+    let final_gather = Settings { technique: Technique::FinalGather(rays), ..map(Method::Grid) };
+    for backend in [Backend::Cpu, Backend::OpenCl] {
+        let (Some(mut pipeline), Some(mut fresh)) = (open(backend), open(backend)) else { continue };
+        for settings in [map(Method::Grid), map(Method::Tiles), final_gather.clone()] {
+            for (what, change, skipped) in CASES.iter().chain(OF_PHOTONS) {
+                // Kernels of PoCL take seconds to build: one backend is enough for what needs other programs.
+                if backend == Backend::OpenCl && !skipped.contains(&Compile) {
+                    continue;
+                }
+                let what = format!("{}, {:?}, {what}", backend.name(), settings.technique);
+                let first = pipeline.render(&scene, &settings).unwrap().image;
+                let (mut changed, mut changed_settings) = (scene.clone(), settings.clone());
+                let mut pass = Pass::single(&settings);
+                change(&mut changed, &mut changed_settings, &mut pass);
+                let found = pipeline.render_pass(&changed, &changed_settings, &pass).unwrap().image;
+                assert_eq!(found == first, what.ends_with("nothing"), "{what}: the picture is the old one");
+                // All that this one holds is another scene's.
+                fresh.render(&other, &settings).unwrap();
+                let expected = fresh.render_pass(&changed, &changed_settings, &pass).unwrap().image;
+                // A moved camera keeps the origin where it was.
+                assert!(found == expected || changed.camera != scene.camera, "{what}: not the bytes of a fresh start");
+            }
+        }
+        // From one technique to the next nothing stays behind.
+        let kinds = [map(Method::Grid), direct.clone(), final_gather.clone(), map(Method::Tiles), final_gather.clone()];
+        for settings in kinds.iter().chain(&kinds) {
+            let found = pipeline.render(&scene, settings).unwrap().image;
+            fresh.render(&other, settings).unwrap();
+            assert!(found == fresh.render(&scene, settings).unwrap().image, "{settings:?}");
         }
     }
 }
@@ -80,7 +130,7 @@ fn several_pipelines_of_a_thread_keep_to_themselves() {
     // The first ones still hold their scene although others have been made current since.
     for (pipeline, image) in first.iter_mut().zip(&room_images) {
         assert!(pipeline.render(&room, &settings).unwrap().image == *image, "{}", pipeline.backend.name());
-        pipeline.retrace(&room, &settings).unwrap();
+        pipeline.retrace(&room, &settings, &Pass::single(&settings)).unwrap();
         assert!(pipeline.render(&room, &settings).unwrap().image == *image, "{}", pipeline.backend.name());
     }
     // And the second ones theirs, when the first are gone.
@@ -96,7 +146,7 @@ fn several_pipelines_of_a_thread_keep_to_themselves() {
 fn a_refused_picture_leaves_the_pipeline_usable() {
     // A target larger than any GL driver's limit; the others would only need the memory, so they are not asked.
     let (scene, settings) = (shipped("gi_ref"), direct(64, 48, 1));
-    let Some(mut pipeline) = open(photile::settings::Backend::OpenGl) else { return };
+    let Some(mut pipeline) = open(Backend::OpenGl) else { return };
     let image = pipeline.render(&scene, &settings).unwrap().image;
     let refused = pipeline.render(&scene, &direct(1 << 20, 1, 1)).err().expect("a million columns").to_string();
     assert!(refused.contains("1048576 × 1") && refused.contains("limit"), "{refused}");

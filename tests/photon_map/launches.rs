@@ -61,7 +61,7 @@ fn launched(lanes: Option<u32>) -> BTreeSet<String> {
         pipeline.render(&scene, &small(method, amount)).unwrap();
     }
     match pipeline.map().expect("there are photons") {
-        (MapView::Device { context, .. }, _) => context.launched(),
+        (MapView::Device { context, .. }, ..) => context.launched(),
         _ => panic!("OpenCL's maps are on the device"),
     }
 }

@@ -7,7 +7,7 @@ use photile::film::Image;
 use photile::film::metrics::{self, measure};
 use photile::pipeline::{Machine, Pipeline};
 use photile::scene::{Scene, load, parse};
-use photile::settings::{Amount, Backend, Gather, GridForm, LightMode, Method, Photons, Settings};
+use photile::settings::{Amount, Backend, Gather, GridForm, LightMode, Method, Pass, Photons, Settings};
 
 use crate::common::one_at_a_time;
 
@@ -51,11 +51,12 @@ fn the_reports_scenes_are_the_independent_tracers() {
 /// The mean of some passes.
 fn passes(pipeline: &mut Pipeline, scene: &Scene, light: LightMode, paths: u32, radius: f32, passes: u32) -> Image {
     let mut sum = Image::new(48, 36);
-    for pass in 0..passes {
+    for index in 0..passes {
         let mut settings = Settings { width: 48, height: 36, samples: 4, light, ..Settings::default() };
-        settings.photons = Photons { amount: Amount::Paths(paths), pass, ..settings.photons };
+        settings.photons = Photons { amount: Amount::Paths(paths), ..settings.photons };
         settings.gather = Gather { method: Method::Grid, radius: Some(radius), ..settings.gather };
-        let image = pipeline.render(scene, &settings).unwrap().image;
+        let pass = Pass { index, ..Pass::single(&settings) };
+        let image = pipeline.render_pass(scene, &settings, &pass).unwrap().image;
         for (sum, pixel) in sum.pixels.iter_mut().zip(&image.pixels) {
             for (sum, channel) in sum.iter_mut().zip(pixel) {
                 *sum += channel / passes as f32;

@@ -13,7 +13,7 @@ use photile::rays::camera::camera_direction;
 use photile::rays::emission::{self, Emission};
 use photile::rays::scene::SceneTables;
 use photile::records::packing::Packed;
-use photile::settings::{Amount, Backend, Gather, Photons, Sampler, Settings};
+use photile::settings::{Amount, Backend, Gather, Pass, Photons, Sampler, Settings};
 
 use super::tiles::scene;
 use crate::common::one_at_a_time;
@@ -49,7 +49,9 @@ fn tile_timings() {
                         let Ok(first) = pipeline.render(&scene, &settings) else { continue };
                         scene.camera.position.x += 1e-6; // tiles again, without building kernels
                         let moved = pipeline.render(&scene, &settings).unwrap();
-                        let mut times: Vec<_> = (0..3).map(|_| pipeline.retrace(&scene, &settings).unwrap()).collect();
+                        let mut times: Vec<_> = (0..3)
+                            .map(|_| pipeline.retrace(&scene, &settings, &Pass::single(&settings)).unwrap())
+                            .collect();
                         times.sort_by(f64::total_cmp);
                         println!(
                             "{} {name} {stored} R {:.3} {} {tile:?}: grid {:.1} tiles {:.1} trace {:.1} ms",
@@ -92,7 +94,7 @@ fn candidates_of_an_accepted_photon() {
             let sorted = grid(&view, &cells);
             let gathering = Gathering { hashed: cells.hashed, ..Gathering::default() };
             let map = PhotonMap { gathering: &gathering, plan: &cells, stored: view, grid: &sorted, tiles: None };
-            let frame = packed.frame(&scene.camera, &settings);
+            let frame = packed.frame(&scene.camera, &settings, &Pass::single(&settings));
             let points: Vec<_> = (0..480u32)
                 .step_by(7)
                 .flat_map(|y| (0..640u32).step_by(7).map(move |x| (x, y)))

@@ -50,7 +50,7 @@ fn views(scene: &Scene) -> Vec<(&'static str, Scene, Option<f32>)> {
 
 /// Photons whose disc the camera is in.
 fn around_the_camera(pipeline: &Pipeline, scene: &Scene) -> usize {
-    let (map, packed) = pipeline.map().expect("there are photons");
+    let (map, packed, _) = pipeline.map().expect("there are photons");
     let MapView::Host { stored, .. } = map else { panic!("the twins' maps are in host memory") };
     let eye = (scene.camera.position - packed.origin).as_vec3();
     stored.positions.iter().filter(|photon| eye.distance(photon.position.into()) < WIDE).count()

@@ -10,7 +10,7 @@ use photile::rays::camera::camera_direction;
 use photile::rays::emission::{Amount, CELLS, Emission, EmissionPlan, entry};
 use photile::rays::scene::SceneTables;
 use photile::records::packing::Packed;
-use photile::settings::Settings;
+use photile::settings::{Pass, Settings};
 
 use super::{Case, grey_box, paths};
 
@@ -161,7 +161,7 @@ fn seen_means(name: &str, case: &Case, map: &PhotonTables) -> [f64; 2] {
     let camera =
         photile::scene::load(format!("{}/scenes/{name}.toml", env!("CARGO_MANIFEST_DIR")).as_ref()).unwrap().camera;
     let settings = Settings { width: 32, height: 24, ..Settings::default() };
-    let frame = case.packed.frame(&camera, &settings);
+    let frame = case.packed.frame(&camera, &settings, &Pass::single(&settings));
     let scene = SceneTables::new(&case.packed, &case.features);
     let shapes = &case.packed.shapes;
     let bounds = grid_bounds(&map.view(), 2 * shapes.len());

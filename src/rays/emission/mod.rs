@@ -8,6 +8,7 @@ use crate::error::{Error, Result};
 use crate::records::packing::Packed;
 use crate::records::{Emitter, Light, PLANE, Shape};
 pub use crate::settings::{Amount, Sampler};
+use crate::settings::{LightMode, Pass, Settings};
 
 mod caps;
 
@@ -26,6 +27,19 @@ pub struct Emission {
     pub sampler: Sampler,
     /// Also store photons straight from the light; `hybrid` leaves those to shadow rays.
     pub store_direct: bool,
+}
+
+impl Emission {
+    /// Of a pass at these settings.
+    pub fn of(settings: &Settings, pass: &Pass) -> Emission {
+        Emission {
+            amount: settings.photons.amount,
+            seed: pass.seed,
+            pass: pass.index,
+            sampler: settings.photons.sampler,
+            store_direct: settings.light == LightMode::Photons,
+        }
+    }
 }
 
 /// Rows of an emission map: equal ranges of the height on the unit sphere, from the top (y = 1) down.

@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::film::Image;
 use crate::program::gathering::Gathering;
 use crate::program::source::{Options, assemble};
-use crate::records::packing::Packed;
+use crate::records::packed_scene::PackedScene;
 use crate::records::{Frame, Gather, LitPoint, Site, SiteLattice, SiteSurface};
 use crate::stage::irradiance::IrradianceView;
 use crate::stage::map::MapView;
@@ -152,7 +152,7 @@ impl Trace for ClTrace {
         Ok(())
     }
 
-    fn upload(&mut self, packed: &Packed) -> Result<()> {
+    fn upload(&mut self, packed: &PackedScene) -> Result<()> {
         check_count(packed)?;
         self.scene = Some(SceneBuffers::new(&self.context, packed)?);
         Ok(())

@@ -9,7 +9,7 @@ use crate::cpu::gather::PhotonMap;
 use crate::error::Result;
 use crate::film::Image;
 use crate::program::gathering::Gathering;
-use crate::records::packing::Packed;
+use crate::records::packed_scene::PackedScene;
 use crate::records::{Frame, Site, SiteSurface};
 use crate::stage::irradiance::IrradianceView;
 use crate::stage::map::MapView;
@@ -17,7 +17,7 @@ use crate::stage::map::MapView;
 /// The twin, on a pool of threads.
 pub struct CpuTrace {
     pool: Rc<rayon::ThreadPool>,
-    packed: Option<Packed>,
+    packed: Option<PackedScene>,
     film: Image,
     active: Option<Permutation>,
     /// Of the last pass with final gathering.
@@ -37,7 +37,7 @@ impl Trace for CpuTrace {
         Ok(())
     }
 
-    fn upload(&mut self, packed: &Packed) -> Result<()> {
+    fn upload(&mut self, packed: &PackedScene) -> Result<()> {
         self.packed = Some(packed.clone());
         Ok(())
     }

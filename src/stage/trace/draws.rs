@@ -1,9 +1,8 @@
 //! Cuts within a pixel: a fragment or work-item that would loop for too long shares its samples, and the candidates of a
 //! query, among several draws. (`submissions.rs` cuts pictures into rows, which cannot help where one pixel takes too long.)
 
-use super::Indirect;
+use super::{FinalPass, Indirect};
 use crate::error::{Error, Result};
-use crate::plan::site_lattice::FinalPass;
 use crate::records::{Frame, Gather, SiteLattice};
 use crate::settings::Method;
 

@@ -5,16 +5,15 @@ use std::rc::Rc;
 
 use super::draws::{self, Draws, Query, Rounds};
 use super::gl_final::FinalTextures;
-use super::{Indirect, Pause, Permutation, Trace, check_count, out_of_order};
+use super::{FinalPass, Indirect, Pause, Permutation, Trace, check_count, out_of_order};
 use crate::device::gl::{Functions, Program, Target};
 use crate::error::Result;
 use crate::film::Image;
-use crate::plan::site_lattice::FinalPass;
 use crate::program::features::Features;
 use crate::program::gathering::Gathering;
 use crate::program::source::{Options, Source, assemble};
 use crate::records::Frame;
-use crate::records::packing::Packed;
+use crate::records::packed_scene::PackedScene;
 use crate::stage::irradiance::IrradianceView;
 use crate::stage::map::MapView;
 use crate::stage::photon_textures::PhotonTextures;
@@ -132,7 +131,7 @@ impl Trace for GlTrace {
         Ok(())
     }
 
-    fn upload(&mut self, packed: &Packed) -> Result<()> {
+    fn upload(&mut self, packed: &PackedScene) -> Result<()> {
         check_count(packed)?;
         self.scene.upload(packed, packed.in_uniforms())
     }

@@ -9,16 +9,17 @@ mod gl_final;
 pub use cl::ClTrace;
 pub use cpu::CpuTrace;
 pub use gl::GlTrace;
+pub use gl_final::FinalTextures;
 
 use super::irradiance::IrradianceView;
 use super::map::MapView;
 use crate::error::{Error, Result};
 use crate::film::Image;
-use crate::plan::site_lattice::FinalPass;
 use crate::program::features::Features;
 use crate::program::gathering::Gathering;
+use crate::records::packed_scene::PackedScene;
 use crate::records::packing::Packed;
-use crate::records::{Frame, MAX_EXACT_INDEX};
+use crate::records::{Frame, LitPoint, MAX_EXACT_INDEX, SiteLattice};
 
 /// What is compiled for a picture: the scene's features and, with photons, how they are gathered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -41,6 +42,16 @@ impl Permutation {
         }
         defines
     }
+}
+
+/// What final gathering takes along in one pass.
+#[derive(Clone, Debug)]
+pub struct FinalPass {
+    /// Where its sites lie.
+    pub lattice: SiteLattice,
+    /// Points that the lights reach first, shared by all sites. At least one, since no table is empty: the lattice tells
+    /// how many count.
+    pub points: Vec<LitPoint>,
 }
 
 /// Where a picture's indirect light comes from.
@@ -76,7 +87,7 @@ pub trait Trace {
     ///
     /// # Errors
     /// [`Error::Device`] when the device has no room.
-    fn upload(&mut self, packed: &Packed) -> Result<()>;
+    fn upload(&mut self, packed: &PackedScene) -> Result<()>;
 
     /// Takes over a photon map, where it has to be moved. How many tables were moved.
     ///

@@ -7,37 +7,33 @@ use crate::rays::random::{R2_STEPS, hash_u, sequence_u, unit_real};
 use crate::rays::scene::SceneTables;
 use crate::rays::walk::emit_photon;
 use crate::records::{LitPoint, SiteLattice};
-use crate::settings::{FinalGather, Settings};
+use crate::settings::{FinalGather, Pass, Settings};
+use crate::stage::trace::FinalPass;
 
-/// The sites and lit points that one pass of final gathering works with.
-#[derive(Clone, Debug)]
-pub struct FinalPass {
-    /// Which pixels are sites, and how much each gathers.
-    pub lattice: SiteLattice,
-    /// Shared by all of them. At least one, since no table is empty: the lattice tells how many count.
-    pub points: Vec<LitPoint>,
-}
-
-impl FinalPass {
-    /// For a scene's pass.
-    pub fn new(scene: &SceneTables, plan: &EmissionPlan, settings: &Settings, gather: &FinalGather) -> FinalPass {
-        let mut points = lit_points(scene, plan, settings, gather);
-        let lattice = SiteLattice {
-            points: points.len() as f32,
-            points_per_watt: points_per_watt(scene, gather),
-            ..lattice(settings, gather)
-        };
-        if points.is_empty() {
-            points.push(LitPoint::default());
-        }
-        FinalPass { lattice, points }
+/// For a scene's pass.
+pub fn prepare(
+    scene: &SceneTables,
+    plan: &EmissionPlan,
+    settings: &Settings,
+    gather: &FinalGather,
+    pass: &Pass,
+) -> FinalPass {
+    let mut points = lit_points(scene, plan, gather, pass);
+    let lattice = SiteLattice {
+        points: points.len() as f32,
+        points_per_watt: points_per_watt(scene, gather),
+        ..lattice(settings, gather, pass)
+    };
+    if points.is_empty() {
+        points.push(LitPoint::default());
     }
+    FinalPass { lattice, points }
 }
 
 /// The lattice of a pass. It lies elsewhere in every pass, evenly over the passes, so that their mean knows no lattice.
-fn lattice(settings: &Settings, gather: &FinalGather) -> SiteLattice {
+fn lattice(settings: &Settings, gather: &FinalGather, pass: &Pass) -> SiteLattice {
     let spacing = gather.spacing as f32;
-    let place = |step| unit_real(sequence_u(settings.photons.pass, step, 1 << 31)) * spacing;
+    let place = |step| unit_real(sequence_u(pass.index, step, 1 << 31)) * spacing;
     // One site beyond each border, and one more because the lattice is shifted by up to a whole spacing.
     let sites = |pixels: u32| (pixels.div_ceil(gather.spacing.max(1)) + 2) as f32;
     SiteLattice {
@@ -49,10 +45,10 @@ fn lattice(settings: &Settings, gather: &FinalGather) -> SiteLattice {
         rays: gather.rays as f32,
         // Without sites every sample does their work.
         own_rays: if gather.spacing > 1 { gather.own_rays } else { gather.rays } as f32,
-        turn: gather.turn as f32,
-        reach: reach(settings.photons.pass),
-        key_low: (settings.seed & 0xffff) as f32,
-        key_high: (settings.seed >> 16) as f32,
+        turn: pass.round as f32,
+        reach: reach(pass.index),
+        key_low: (pass.seed & 0xffff) as f32,
+        key_high: (pass.seed >> 16) as f32,
         ..SiteLattice::default()
     }
 }
@@ -76,7 +72,7 @@ fn points_per_watt(scene: &SceneTables, gather: &FinalGather) -> f32 {
 }
 
 /// Where the next paths of the lights' sequence arrive; those that meet nothing, or what reflects nothing, are left out.
-fn lit_points(scene: &SceneTables, plan: &EmissionPlan, settings: &Settings, gather: &FinalGather) -> Vec<LitPoint> {
+fn lit_points(scene: &SceneTables, plan: &EmissionPlan, gather: &FinalGather, pass: &Pass) -> Vec<LitPoint> {
     if plan.is_empty() {
         return Vec::new();
     }
@@ -84,8 +80,8 @@ fn lit_points(scene: &SceneTables, plan: &EmissionPlan, settings: &Settings, gat
     let round = 1 << plan.slots_log2;
     let emitters = plan.emitters(round);
     let per_watt = points_per_watt(scene, gather);
-    let stream = hash_u(settings.seed);
-    let first = gather.turn.wrapping_mul(gather.points);
+    let stream = hash_u(pass.seed);
+    let first = pass.round.wrapping_mul(gather.points);
     let lit = (0..gather.points).filter_map(|number| {
         let path = first.wrapping_add(number);
         let photon = emit_photon(plan, &emitters, Sampler::Sequence, path, stream);
