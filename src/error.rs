@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::scene::SceneError;
+use crate::reading::SceneError;
 
 /// What can go wrong, in words that name file, permutation or device.
 #[derive(Debug, thiserror::Error)]

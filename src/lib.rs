@@ -39,11 +39,18 @@ pub mod device;
 pub mod film;
 pub mod program;
 
-pub mod records;
+pub mod packing;
 
 pub mod error;
-
 pub mod scene;
+
+pub mod lights;
+pub mod materials;
+pub mod shapes;
+
+pub mod reading;
+
+pub mod records;
 
 pub mod settings;
 

@@ -92,7 +92,7 @@ fn direct_light_is_that_of_the_golden_images() {
 fn light_that_is_too_strong_is_flagged() {
     for (name, floor) in [FLOORS[0], FLOORS[2]] {
         let mut scene = load(name);
-        scene.lights.iter_mut().for_each(|light| light.intensity *= 1.02);
+        scene.lights.points.iter_mut().for_each(|light| light.intensity *= 1.02);
         let full = judge(&rendered(&scene, ReferenceLight::Full), &golden(name, floor));
         assert!(!full.means_hold(), "{name}: {full:?}");
         let golden = golden(&format!("{name}_direct"), DIRECT_FLOOR);
@@ -105,7 +105,7 @@ fn light_that_is_too_strong_is_flagged() {
 #[test]
 fn a_sphere_out_of_place_is_flagged() {
     let mut scene = load("gi_ref");
-    scene.spheres[0].center.x += 0.14;
+    scene.shapes.spheres[0].center.x += 0.14;
     let agreement = judge(&rendered(&scene, ReferenceLight::Direct), &golden("gi_ref_direct", DIRECT_FLOOR));
     assert!(!agreement.mostly_holds() && agreement.outliers > 0.04, "{agreement:?}"); // in its place: 0.005
 }

@@ -11,13 +11,13 @@ use super::timing::{Samples, median};
 use super::{MachineInfo, Measured, Options, Progress, Report, Steps, Suite, or_end};
 use crate::cpu::grid::face_of;
 use crate::error::{Error, Result};
+use crate::packing::Packed;
 use crate::pipeline::{Pipeline, Rendering};
 use crate::plan::choice::{self, Class, Estimate, Question, TERMS, Taken};
 use crate::plan::photon_sample::Sample;
 use crate::plan::radius;
 use crate::program::features::Features;
 use crate::rays::scene::SceneTables;
-use crate::records::packing::Packed;
 use crate::scene::Scene;
 use crate::settings::{Amount, Gather, LightMode, Pass, Settings};
 

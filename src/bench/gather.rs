@@ -8,6 +8,7 @@ use crate::cpu;
 use crate::cpu::gather::{PhotonMap, for_each_candidate, for_each_listed, near};
 use crate::cpu::photons::{PhotonTables, photons};
 use crate::error::{Error, Result};
+use crate::packing::Packed;
 use crate::plan::cells::{self, CELLS_PER_RADIUS, CELLS_PER_RADIUS_ALONE, CellSize, Form};
 use crate::plan::choice;
 use crate::plan::photon_sample::Sample;
@@ -20,7 +21,6 @@ use crate::rays::emission::{self, Emission};
 use crate::rays::scene::SceneTables;
 use crate::records::Frame;
 use crate::records::face::faces_of;
-use crate::records::packing::Packed;
 use crate::scene::Scene;
 use crate::settings::{Amount, Method, Pass, Sampler, Settings};
 

@@ -10,10 +10,10 @@ use crate::cpu::edges::is_on_edge;
 use crate::error::{Error, Result};
 use crate::film::metrics::{self, Mask, Within, measure, measure_except};
 use crate::film::{Image, SaveOptions, check_output, heat_map};
+use crate::packing::Packed;
 use crate::pipeline::{Devices, Pipeline};
 use crate::program::features::Features;
 use crate::rays::scene::SceneTables;
-use crate::records::packing::Packed;
 use crate::settings::{Backend, Method, Pass, Settings};
 
 /// Render a scene on every backend and compare the pictures, or compare two image files

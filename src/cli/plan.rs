@@ -8,6 +8,8 @@ use super::options::RenderOptions;
 use super::{output, print_json};
 use crate::device::memory;
 use crate::error::{Error, Result};
+use crate::packing::Packed;
+use crate::packing::packed_scene::PackedScene;
 use crate::pipeline::class_of;
 use crate::pipeline::path_count::Beginning;
 use crate::plan::choice::{self, Class, Estimate, Question};
@@ -16,8 +18,6 @@ use crate::program::features::{Features, Reason};
 use crate::program::source::{Options, assemble, units};
 use crate::rays::emission::EmissionPlan;
 use crate::rays::scene::SceneTables;
-use crate::records::packed_scene::PackedScene;
-use crate::records::packing::Packed;
 use crate::records::{Frame, Light, Material, Record, Shape, TEXEL, TEXTURE_WIDTH_LOG2, TextureShape};
 use crate::scene::Scene;
 use crate::settings::{Amount, Backend, LightMode, Pass, Settings};
@@ -141,7 +141,7 @@ fn aimed(packed: &Packed, settings: &Settings) -> Result<String> {
 
 /// Which stages a first picture runs, in the pipeline's order.
 fn stages(scene: &Scene, settings: &Settings, chosen: Option<String>, aimed: String) -> Vec<Reason> {
-    let shapes = scene.spheres.len() + scene.planes.len();
+    let shapes = scene.shapes.len();
     let no_photons = match (settings.light, scene.lights.len(), shapes) {
         (LightMode::Direct, ..) => Some("direct light only"),
         (_, 0, _) => Some("no lights"),
@@ -154,18 +154,18 @@ fn stages(scene: &Scene, settings: &Settings, chosen: Option<String>, aimed: Str
         Amount::Paths(paths) => format!("{paths} paths, {mode} stored"),
         Amount::Stored(photons) => format!("{photons} photons, {mode} stored"),
     };
-    let of_photons = |stage, why: &str| Reason {
-        feature: stage,
+    let of_photons = |stage: &str, why: &str| Reason {
+        feature: stage.into(),
         used: no_photons.is_none(),
         why: no_photons.unwrap_or(why).to_string(),
     };
-    let always = |stage, why: String| Reason { feature: stage, used: true, why };
+    let always = |stage: &str, why: String| Reason { feature: stage.into(), used: true, why };
     vec![
         always("compile", "trace.frag in OpenGL, trace.cl in OpenCL, for the features below".into()),
         always("upload", format!("{shapes} objects, {} lights", scene.lights.len())),
         of_photons("photons", &amount),
         Reason {
-            feature: "emission map",
+            feature: "emission map".into(),
             used: no_photons.is_none() && !aimed.is_empty(),
             why: match no_photons {
                 Some(why) => why.into(),

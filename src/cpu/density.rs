@@ -147,8 +147,8 @@ mod tests {
     use glam::{DQuat, DVec3};
 
     use super::*;
+    use crate::packing::Packed;
     use crate::program::features::Features;
-    use crate::records::packing::Packed;
     use crate::records::{PLANE, Shape};
 
     /// Σ of the kernel over the unit disc's points that satisfy `keep`, by the midpoint rule on a square lattice.

@@ -41,8 +41,8 @@ fn seen(scene: &SceneTables, frame: &Frame, x: f32, y: f32) -> Option<(usize, bo
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::packing::Packed;
     use crate::program::features::Features;
-    use crate::records::packing::Packed;
     use crate::settings::{Pass, Settings};
 
     #[test]

@@ -48,7 +48,7 @@ impl Change {
             .when(before.camera != scene.camera || size(was) != size(settings) || then != pass)
             .and(Change::LIGHTS.when(before.lights != scene.lights))
             .and(Change::MATERIALS.when(before.materials != scene.materials))
-            .and(Change::GEOMETRY.when(before.spheres != scene.spheres || before.planes != scene.planes))
+            .and(Change::GEOMETRY.when(before.shapes != scene.shapes))
             .and(Change::PHOTONS.when(emitted(was, then) != emitted(settings, pass)))
             .and(Change::GATHER.when(was.gather != settings.gather))
             .and(Change::TECHNIQUE.when(technique(was) != technique(settings)))

@@ -1,16 +1,19 @@
 //! By what a checkpoint knows scene and settings again.
 
 use crate::film::fnv1a;
+use crate::lights::Lights;
 use crate::scene::Scene;
 use crate::settings::{FinalGather, Photons, Settings, Technique};
+use crate::shapes::Shapes;
 
 /// Of all that decides a render's pixels. Where anything is added to what is asked for, it has to be said here, too:
 /// nothing is left out by `..`.
 pub fn fingerprint(scene: &Scene, settings: &Settings) -> u64 {
-    let Scene { name: _, camera, materials, lights, spheres, planes, render: _ } = scene;
+    let Scene { name: _, camera, materials, lights, shapes, render: _ } = scene;
+    let (Lights { points }, Shapes { spheres, planes }) = (lights, shapes);
     // Debug prints every float in full, and any change of a type's fields changes it too.
     let settings = in_words(settings);
-    fnv1a(format!("passes {camera:?}{materials:?}{lights:?}{spheres:?}{planes:?}{settings}").as_bytes())
+    fnv1a(format!("passes {camera:?}{materials:?}{points:?}{spheres:?}{planes:?}{settings}").as_bytes())
 }
 
 /// Settings in the words of the first checkpoints, which must stay good: then they said of a pass, too, where it begins.

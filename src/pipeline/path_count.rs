@@ -4,13 +4,13 @@
 use std::rc::Rc;
 
 use crate::error::{Error, Result};
+use crate::packing::Packed;
+use crate::packing::packed_scene::PackedScene;
 use crate::plan::photon_sample::Sample;
 use crate::plan::radius;
 use crate::program::features::Features;
 use crate::rays::emission::Emission;
 use crate::rays::scene::SceneTables;
-use crate::records::packed_scene::PackedScene;
-use crate::records::packing::Packed;
 use crate::scene::Scene;
 use crate::settings::{Amount, LightMode, Pass, Photons, Settings};
 use crate::stage::map::{MapCounts, MapStage};
@@ -158,6 +158,7 @@ fn round(paths: f64) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lights::Lights;
     use crate::scene;
 
     fn shipped(name: &str) -> Scene {
@@ -207,7 +208,7 @@ mod tests {
         let direct = Settings { light: LightMode::Direct, ..Settings::default() };
         assert_eq!(choose(&shipped("gi_ref"), &direct).unwrap(), None);
         let mut dark = shipped("gi_ref");
-        dark.lights.clear();
+        dark.lights = Lights::default();
         assert_eq!(choose(&dark, &Settings::default()).unwrap(), None);
     }
 }

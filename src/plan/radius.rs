@@ -6,6 +6,7 @@ use crate::plan::photon_sample::Sample;
 use crate::rays::camera::camera_direction;
 use crate::rays::scene::SceneTables;
 use crate::records::Frame;
+use crate::shapes::sheet_of;
 
 /// Photons that are looked at.
 pub const SAMPLE: usize = 1 << 14;
@@ -46,9 +47,10 @@ pub fn choose(scene: &SceneTables, frame: &Frame, sample: &Sample, stored: u64) 
     let spread = areas[areas.len() / 2] * sample.positions.len() as f64;
     let radius = (SCALE * spread.sqrt() * (stored as f64).powf(-1.0 / 6.0)) as f32;
     let limit = (OF_SPHERE * (FEW / stored.max(1) as f64).powf(1.0 / 6.0).max(1.0)) as f32;
-    let seen = |sphere: &usize| points.iter().filter(|(_, (shape, _))| shape == sphere).count() >= PLAINLY;
-    let spheres = (0..scene.sphere_count).filter(seen).map(|sphere| scene.shapes[sphere].extent * limit);
-    spheres.fold(radius, f32::min)
+    let seen = |shape: usize| points.iter().filter(|(_, (number, _))| *number == shape).count() >= PLAINLY;
+    let curved = scene.shapes.iter().map(|shape| sheet_of(shape).curvature_radius() as f32).enumerate();
+    let seen = curved.filter(|(number, curvature)| curvature.is_finite() && seen(*number));
+    seen.map(|(_, curvature)| curvature * limit).fold(radius, f32::min)
 }
 
 /// Columns and rows of the coarse raster of pixels that is looked at.

@@ -3,51 +3,19 @@
 //! What the renderer can avoid it avoids (scenes are packed about the camera, rays know what they start on); what is
 //! left is the spacing of float32 numbers itself, 1.2·10⁻⁷ of a length.
 
-use glam::DVec3;
-
 use crate::scene::Scene;
 use crate::settings::{Amount, LightMode, Settings};
-
-/// Spacing of float32 numbers, as a share.
-const ULP: f64 = 1.2e-7;
+use crate::shapes::{ULP, View};
 
 /// Each limit that this scene meets at these settings, a sentence each; `radius` is the one that was gathered with.
 pub fn of(scene: &Scene, settings: &Settings, radius: Option<f32>) -> Vec<String> {
-    let mut warnings = Vec::new();
     let camera = scene.camera.position;
     // What is looked at: lights and what is not huge stand as far away as the scene is large.
     let near = scene.camera.look_at.distance(camera);
-    let size = scene.lights.iter().map(|l| l.position.distance(camera)).fold(near, f64::max);
-    if let Some((number, sphere)) = scene.spheres.iter().enumerate().max_by(|a, b| a.1.radius.total_cmp(&b.1.radius)) {
-        // A hundredth of a percent of the scene: below, walls of radius 10⁵ m around a room of metres.
-        let known_to = 2.0 * ULP * sphere.radius;
-        if known_to > 1e-2 * size {
-            warnings.push(format!(
-                "sphere {number} has a radius of {:.3e} m: float32 knows its surface to {known_to:.1e} m, in a scene of \
-                 {size:.1e} m",
-                sphere.radius
-            ));
-        }
-    }
-    let far = |center: DVec3, radius: f64| 4.0 * ULP * center.distance(camera) / radius;
-    let worst = scene.spheres.iter().map(|s| far(s.center, s.radius)).enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
-    if let Some((number, turned)) = worst.filter(|(_, turned)| *turned > 1e-2) {
-        warnings
-            .push(format!("sphere {number} is far away for its size: float32 knows its normals to {turned:.1e} rad"));
-    }
-    // Of a room, the way from a light to the farthest wall tells how large it is.
-    let walls = scene
-        .lights
-        .iter()
-        .flat_map(|light| scene.planes.iter().map(|plane| (plane.normal.dot(light.position) - plane.offset).abs()));
-    let room = walls.fold(0.0, f64::max);
-    let away = scene.lights.iter().map(|light| light.position.distance(camera)).fold(0.0, f64::max);
-    if scene.planes.len() > 2 && 4.0 * ULP * away > 1e-4 * room {
-        warnings.push(format!(
-            "the camera is {away:.1e} m from a room of {room:.1e} m: float32 knows its walls to {:.1e} of it",
-            4.0 * ULP * away / room
-        ));
-    }
+    let lights = scene.lights.origins();
+    let size = lights.iter().map(|light| light.distance(camera)).fold(near, f64::max);
+    let view = View { camera, lights: &lights, size };
+    let mut warnings: Vec<String> = scene.shapes.kinds().iter().flat_map(|kind| kind.warnings(&view)).collect();
     if settings.light != LightMode::Direct
         && let Some(radius) = radius
     {
@@ -61,9 +29,8 @@ pub fn of(scene: &Scene, settings: &Settings, radius: Option<f32>) -> Vec<String
         let paths = match settings.photons.amount {
             Amount::Paths(paths) | Amount::Stored(paths) => f64::from(paths),
         };
-        let flux = |intensity: DVec3| 4.0 * std::f64::consts::PI * intensity.max_element() / paths;
         let dim = |power: &f64| *power > 0.0 && *power < 1e-34;
-        if let Some(power) = scene.lights.iter().map(|light| flux(light.intensity)).find(dim) {
+        if let Some(power) = scene.lights.iter().map(|light| light.flux().max_element() / paths).find(dim) {
             warnings.push(format!("a photon carries {power:.1e} W: below 1e-38 float32 loses digits, then the light"));
         }
     }

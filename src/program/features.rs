@@ -4,10 +4,11 @@
 
 use glam::DVec3;
 
-use crate::kinds::ShapeKind;
+use crate::kinds::{KindName, SHAPE_KINDS, ShapeKind, ShapeSet};
 use crate::records::{LIGHTS_IN_UNIFORMS, SHAPES_IN_UNIFORMS};
-use crate::scene::{Plane, Scene, Sphere};
+use crate::scene::Scene;
 use crate::settings::{LightMode, Pass, Settings};
+use crate::shapes::{Shape, Shapes};
 
 /// So many objects are few enough to be counted in the program's text: loops over them are unrolled, and ask for records
 /// at places known beforehand. On two cores direct light takes a sixth less in OpenCL, and 30 to 50% less in software OpenGL;
@@ -29,16 +30,12 @@ pub enum Lights {
 /// A permutation of the programs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Features {
-    /// Some object is a sphere.
-    pub spheres: bool,
-    /// Some object is a plane.
-    pub planes: bool,
+    /// Kinds of shapes that there are.
+    pub shapes: ShapeSet,
     /// Lights that reach a shaded surface.
     pub lights: Lights,
-    /// A sphere may come between a visible point and a light.
-    pub sphere_shadows: bool,
-    /// A plane may come between a visible point and a light.
-    pub plane_shadows: bool,
+    /// Kinds of shapes of which some may come between a visible point and a light.
+    pub shadows: ShapeSet,
     /// Rays may meet a plane from behind or a sphere from within.
     pub two_sided: bool,
     /// Some material has a GGX lobe.
@@ -49,15 +46,15 @@ pub struct Features {
     pub one_sample: bool,
     /// The scene's records fit into GL's uniforms; OpenCL has no use for it.
     pub in_uniforms: bool,
-    /// How many spheres and planes there are, where they are few: at most [`FEW_SHAPES`] together.
-    pub counts: Option<[u32; 2]>,
+    /// How many shapes of each kind there are, where they are few: at most [`FEW_SHAPES`] together.
+    pub counts: Option<[u32; SHAPE_KINDS.len()]>,
 }
 
 /// One line of `photile plan`: a feature, whether it is used, and why.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Reason {
     /// The `#define`, or the stage.
-    pub feature: &'static str,
+    pub feature: String,
     /// Whether the program contains it.
     pub used: bool,
     /// In the scene's own numbers.
@@ -72,60 +69,57 @@ impl Features {
 
     /// The same, with a reason for each line.
     pub fn explain(scene: &Scene, settings: &Settings) -> (Features, Vec<Reason>) {
-        let (spheres, planes) = (scene.spheres.len(), scene.planes.len());
-        let used_materials = || {
-            let of_spheres = scene.spheres.iter().map(|s| s.material);
-            of_spheres.chain(scene.planes.iter().map(|p| p.material)).map(|m| &scene.materials[m])
-        };
+        let shapes = scene.shapes.len();
+        let kinds = scene.shapes.kinds();
+        let used_materials = || scene.shapes.iter().map(|shape| &scene.materials[shape.material()]);
         let glossy = used_materials().filter(|m| m.specular > 0.0).count();
         let ambient = used_materials().filter(|m| m.ambient > 0.0 && m.color != DVec3::ZERO).count();
         // Where photons carry all light, nothing is lit by shadow rays.
         let photons_only = settings.light == LightMode::Photons;
-        let lights = if spheres + planes == 0 || photons_only { 0 } else { scene.lights.len() };
-        let separating = if lights == 0 { 0 } else { separating_planes(scene).count() };
-
-        let two_sided = two_sided(scene, Some(scene.camera.position)).filter(|_| spheres + planes > 0);
+        let lights = if shapes == 0 || photons_only { 0 } else { scene.lights.len() };
+        let (camera, origins) = (scene.camera.position, scene.lights.origins());
+        let blocking = kinds.map(|kind| match lights {
+            0 => 0,
+            _ => kind.iter().filter(|shape| shape.may_shadow(camera, &origins)).count(),
+        });
+        let two_sided = two_sided(scene, Some(camera)).filter(|_| shapes > 0);
 
         let features = Features {
-            spheres: spheres > 0,
-            planes: planes > 0,
+            shapes: ShapeSet::those(|kind| kinds[kind as usize].count() > 0),
             lights: match lights {
                 0 => Lights::None,
                 1 => Lights::One,
                 _ => Lights::Many,
             },
-            sphere_shadows: spheres > 0 && lights > 0,
-            plane_shadows: separating > 0,
+            shadows: ShapeSet::those(|kind| blocking[kind as usize] > 0),
             two_sided: two_sided.is_some(),
             glossy: glossy > 0 && !scene.lights.is_empty(),
             ambient: ambient > 0,
             one_sample: settings.samples == 1,
-            in_uniforms: spheres + planes <= SHAPES_IN_UNIFORMS && scene.lights.len() <= LIGHTS_IN_UNIFORMS,
-            counts: (1..=FEW_SHAPES).contains(&(spheres + planes)).then_some([spheres, planes].map(|n| n as u32)),
+            in_uniforms: shapes <= SHAPES_IN_UNIFORMS && scene.lights.len() <= LIGHTS_IN_UNIFORMS,
+            counts: (1..=FEW_SHAPES).contains(&shapes).then_some(kinds.map(|kind| kind.count() as u32)),
         };
-        let reason = |feature, used, why| Reason { feature, used, why };
-        let reasons = vec![
-            reason("HAS_SPHERES", features.spheres, format!("{spheres} spheres")),
-            reason("HAS_PLANES", features.planes, format!("{planes} planes")),
+        let reason = |feature: &str, used, why| Reason { feature: feature.into(), used, why };
+        let all = |kind: ShapeKind| format!("{} {}", kinds[kind as usize].count(), kind.name().plural);
+        let of_kinds = |name: fn(&KindName) -> String, set: ShapeSet, why: &dyn Fn(ShapeKind) -> String| {
+            ShapeKind::ALL.map(|kind| reason(&name(kind.name()), set.has(kind), why(kind)))
+        };
+        let shadows_said =
+            |kind: ShapeKind| (kinds[kind as usize].shadows_said)(blocking[kind as usize], &all(kind), lights);
+        let mut reasons = of_kinds(KindName::has, features.shapes, &all).to_vec();
+        reasons.extend([
             reason(
                 "HAS_LIGHTS",
                 lights > 0,
                 match photons_only {
                     true => "photons carry all light".into(),
-                    false => format!("{} lights, {} objects", scene.lights.len(), spheres + planes),
+                    false => format!("{} lights, {shapes} objects", scene.lights.len()),
                 },
             ),
             reason("ONE_LIGHT", lights == 1, format!("{lights} lights to loop over")),
-            reason(
-                "HAS_SPHERE_SHADOWS",
-                features.sphere_shadows,
-                format!("{spheres} spheres may block {lights} lights"),
-            ),
-            reason(
-                "HAS_PLANE_SHADOWS",
-                features.plane_shadows,
-                format!("{separating} of {planes} planes lie between the camera and a light"),
-            ),
+        ]);
+        reasons.extend(of_kinds(KindName::shadows, features.shadows, &shadows_said));
+        reasons.extend([
             reason(
                 "HAS_TWO_SIDED",
                 features.two_sided,
@@ -140,20 +134,17 @@ impl Features {
                 format!("up to {SHAPES_IN_UNIFORMS} objects and {LIGHTS_IN_UNIFORMS} lights need no texture in OpenGL"),
             ),
             reason(
-                "SPHERE_COUNT",
+                &SHAPE_KINDS[0].count(),
                 features.counts.is_some(),
                 format!("loops over up to {FEW_SHAPES} objects are unrolled, but by OpenGL on GPUs"),
             ),
-        ];
+        ]);
         (features, reasons)
     }
 
     /// Whether shapes of a kind may come between a visible point and a light.
     pub fn casts_shadows(&self, kind: ShapeKind) -> bool {
-        match kind {
-            ShapeKind::Sphere => self.sphere_shadows,
-            ShapeKind::Plane => self.plane_shadows,
-        }
+        self.shadows.has(kind)
     }
 
     /// The same for the photons' walks, which know nothing of the camera: a map must not depend on where it was when
@@ -169,114 +160,107 @@ impl Features {
 
     /// The `#define`s of this permutation, in a fixed order.
     pub fn defines(&self) -> Vec<String> {
-        let flags = [
-            (self.spheres, "HAS_SPHERES"),
-            (self.planes, "HAS_PLANES"),
-            (self.spheres || self.planes, "HAS_SHAPES"),
-            (self.lights != Lights::None, "HAS_LIGHTS"),
-            (self.lights == Lights::One, "ONE_LIGHT"),
-            (self.sphere_shadows, "HAS_SPHERE_SHADOWS"),
-            (self.plane_shadows, "HAS_PLANE_SHADOWS"),
-            (self.sphere_shadows || self.plane_shadows, "HAS_SHADOWS"),
-            (self.two_sided, "HAS_TWO_SIDED"),
-            (self.glossy, "HAS_GLOSSY"),
-            (self.ambient, "HAS_AMBIENT"),
-            (self.one_sample, "ONE_SAMPLE"),
-            (self.in_uniforms, "SCENE_IN_UNIFORMS"),
-        ];
-        let flags = flags.into_iter().filter(|(is_on, _)| *is_on).map(|(_, name)| name.to_string());
-        let counts =
-            self.counts.map(|[spheres, planes]| [format!("SPHERE_COUNT {spheres}"), format!("PLANE_COUNT {planes}")]);
-        flags.chain(counts.into_iter().flatten()).collect()
+        let of_kinds = |set: ShapeSet, name: fn(&KindName) -> String| {
+            ShapeKind::ALL.into_iter().filter(move |kind| set.has(*kind)).map(move |kind| name(kind.name()))
+        };
+        let flags = |flags: &[(bool, &str)]| {
+            flags.iter().filter(|(is_on, _)| *is_on).map(|(_, name)| name.to_string()).collect::<Vec<_>>()
+        };
+        let counts = self.counts.iter().flat_map(|counts| counts.iter().zip(&SHAPE_KINDS));
+        of_kinds(self.shapes, KindName::has)
+            .chain(flags(&[
+                (!self.shapes.is_empty(), "HAS_SHAPES"),
+                (self.lights != Lights::None, "HAS_LIGHTS"),
+                (self.lights == Lights::One, "ONE_LIGHT"),
+            ]))
+            .chain(of_kinds(self.shadows, KindName::shadows))
+            .chain(flags(&[
+                (!self.shadows.is_empty(), "HAS_SHADOWS"),
+                (self.two_sided, "HAS_TWO_SIDED"),
+                (self.glossy, "HAS_GLOSSY"),
+                (self.ambient, "HAS_AMBIENT"),
+                (self.one_sample, "ONE_SAMPLE"),
+                (self.in_uniforms, "SCENE_IN_UNIFORMS"),
+            ]))
+            .chain(counts.map(|(count, kind)| format!("{} {count}", kind.count())))
+            .collect()
     }
 
     /// Every permutation that some scene and settings lead to, but that two spheres, and two planes, stand for any few of
     /// them; a test compiles them all.
     pub fn reachable() -> Vec<Features> {
-        const GEOMETRIES: [(bool, bool); 4] = [(false, false), (true, false), (false, true), (true, true)];
+        let kinds = Shapes::default();
+        let kinds = kinds.kinds();
+        let always = ShapeSet::those(|kind| kinds[kind as usize].always_shadows);
         let mut reachable = Vec::new();
-        for (spheres, planes) in GEOMETRIES {
+        for shapes in ShapeSet::all() {
             for lights in [Lights::None, Lights::One, Lights::Many] {
-                // The seven flags that are left, as the bits of a number.
-                for bits in 0..1 << 7 {
-                    let flag = |bit: u32| bits >> bit & 1 == 1;
-                    let lit = lights != Lights::None;
-                    let features = Features {
-                        spheres,
-                        planes,
-                        lights,
-                        sphere_shadows: spheres && lit,
-                        plane_shadows: flag(0),
-                        glossy: flag(1),
-                        ambient: flag(2),
-                        one_sample: flag(3),
-                        in_uniforms: flag(4),
-                        two_sided: flag(5),
-                        counts: flag(6).then_some([spheres, planes].map(|there_are| 2 * u32::from(there_are))),
-                    };
-                    let empty = !spheres && !planes;
-                    // Without objects there still may be more lights than uniforms hold.
-                    let needs_objects =
-                        lit || features.ambient || features.glossy || features.two_sided || features.counts.is_some();
-                    let impossible =
-                        empty && needs_objects || features.plane_shadows && !(planes && lit && features.two_sided);
-                    if !impossible {
-                        reachable.push(features);
+                for shadows in ShapeSet::all() {
+                    // The six flags that are left, as the bits of a number.
+                    for bits in 0..1 << 6 {
+                        let flag = |bit: u32| bits >> bit & 1 == 1;
+                        let two_of_each = ShapeKind::ALL.map(|kind| 2 * u32::from(shapes.has(kind)));
+                        let features = Features {
+                            shapes,
+                            lights,
+                            shadows,
+                            glossy: flag(0),
+                            ambient: flag(1),
+                            one_sample: flag(2),
+                            in_uniforms: flag(3),
+                            two_sided: flag(4),
+                            counts: flag(5).then_some(two_of_each),
+                        };
+                        if features.is_possible(always) {
+                            reachable.push(features);
+                        }
                     }
                 }
             }
         }
         reachable
     }
+
+    /// Whether some scene needs just these; `always`: the kinds of which any shape may shadow.
+    fn is_possible(&self, always: ShapeSet) -> bool {
+        let lit = self.lights != Lights::None;
+        // Without objects there still may be more lights than uniforms hold.
+        let needs_objects = lit || self.ambient || self.glossy || self.two_sided || self.counts.is_some();
+        let shadows_of = |kind: ShapeKind| {
+            let possible = self.shapes.has(kind) && lit;
+            match always.has(kind) {
+                true => self.shadows.has(kind) == possible,
+                // What may shadow by where it lies has camera and lights on both of its sides.
+                false => !self.shadows.has(kind) || possible && self.two_sided,
+            }
+        };
+        !(self.shapes.is_empty() && needs_objects) && ShapeKind::ALL.into_iter().all(shadows_of)
+    }
 }
 
 /// Whether some plane keeps camera and lights apart, so that photons may lie on both sides of it.
 pub fn is_divided(scene: &Scene) -> bool {
-    separating_planes(scene).next().is_some()
-}
-
-/// Planes that have the camera on one side and some light on the other, or either of them within rounding of the
-/// plane. Any other plane has every visible point and every light in one closed half-space, which is convex: the
-/// segment between them cannot cross it.
-fn separating_planes(scene: &Scene) -> impl Iterator<Item = &Plane> {
-    let near = scene.camera.position;
-    scene.planes.iter().filter(move |plane| {
-        let camera = side_of_plane(plane, near, near);
-        scene.lights.iter().any(|light| side_of_plane(plane, light.position, near) * camera <= 0.0)
-    })
-}
-
-/// −1, +1, or 0 within rounding of the plane. Packed coordinates are small near `near`.
-fn side_of_plane(plane: &Plane, p: DVec3, near: DVec3) -> f64 {
-    let distance = plane.normal.dot(p) - plane.offset;
-    let offset = plane.offset - plane.normal.dot(near);
-    // 1e-5 of the numbers that cancel: float32 resolves them to 1e-7, so this is safely on one side.
-    let rounding = 1e-5 * ((p - near).abs().dot(plane.normal.abs()) + offset.abs());
-    if distance.abs() <= rounding { 0.0 } else { distance.signum() }
-}
-
-/// Whether a point lies outside of a sphere by more than rounding.
-fn is_outside(sphere: &Sphere, p: DVec3, near: DVec3) -> bool {
-    let sizes = (p - near).length() + (sphere.center - near).length() + sphere.radius;
-    // 16 times what float32 makes of it; spheres of 1e5 m, as walls, may be a metre off.
-    p.distance(sphere.center) - sphere.radius > 1e-6 * sizes
+    let (camera, lights) = (scene.camera.position, scene.lights.origins());
+    // Light goes round what has an end.
+    scene.shapes.iter().any(|shape| shape.bounds().is_none() && shape.may_shadow(camera, &lights))
 }
 
 /// Why some rays may meet an object from its other side: all rays begin at the camera or a light, and none passes
-/// through a surface. None where camera and lights are outside of every sphere and on one side of every plane. Without
-/// a camera this tells of photons alone.
+/// through a surface. None where camera and lights are on the side of every shape that its normal is packed to point
+/// to. Without a camera this tells of photons alone.
 fn two_sided(scene: &Scene, camera: Option<DVec3>) -> Option<String> {
-    // Normals are packed towards the first light.
-    let Some(first) = scene.lights.first() else { return Some("no light to tell the planes' sides".into()) };
-    let near = camera.unwrap_or(first.position);
-    let sources = || scene.lights.iter().map(|light| light.position).chain(camera);
-    let planes = scene.planes.iter().filter(|plane| {
-        let side = side_of_plane(plane, first.position, near);
-        sources().any(|p| side_of_plane(plane, p, near) * side <= 0.0)
-    });
-    let spheres = scene.spheres.iter().filter(|sphere| !sources().all(|p| is_outside(sphere, p, near)));
-    let (planes, spheres) = (planes.count(), spheres.count());
+    let lights = scene.lights.origins();
+    let Some(first) = lights.first() else { return Some("no light to tell the planes' sides".into()) };
+    let near = camera.unwrap_or(*first);
+    let sources: Vec<DVec3> = lights.iter().copied().chain(camera).collect();
+    let shows_its_back = |shape: &&dyn Shape| {
+        let (sheet, facing) = (shape.sheet(), shape.facing(*first));
+        sources.iter().any(|p| sheet.side(*p, near) * facing <= 0.0)
+    };
+    let kinds = scene.shapes.kinds();
+    let backs: Vec<usize> = kinds.iter().map(|kind| kind.iter().filter(shows_its_back).count()).collect();
     let who = if camera.is_some() { "camera and lights" } else { "lights" };
-    let why = format!("{who} on both sides of {planes} planes, or on them; in or on {spheres} spheres");
-    (planes + spheres > 0).then_some(why)
+    let said = kinds.iter().zip(&backs).rev();
+    let said: Vec<_> = said.map(|(kind, count)| (kind.backs_said)(&format!("{count} {}", kind.name.plural))).collect();
+    backs.iter().any(|count| *count > 0).then(|| format!("{who} {}", said.join("; ")))
 }

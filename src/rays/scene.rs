@@ -4,9 +4,9 @@ use glam::Vec3;
 
 use super::shapes::{self, INFINITE, KeepSide, Placed, ShadowRay, Sides};
 use crate::kinds::ShapeKind;
+use crate::packing::Packed;
 use crate::program::features::Features;
 use crate::records::face::{self, face_of, shape_of_sheet, sheet_of, sheet_of_shape};
-use crate::records::packing::Packed;
 use crate::records::{Light, Material, Shape};
 
 /// What the twins read: the very records that devices get.

@@ -7,8 +7,6 @@
 
 pub mod face;
 mod final_gather;
-pub mod packed_scene;
-pub mod packing;
 mod photons;
 mod prelude;
 mod record;

@@ -9,7 +9,7 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
-use super::geometry::SurfaceId;
+use super::shapes::SurfaceId;
 
 /// A point on one side of a surface.
 #[derive(Clone, Copy, Debug)]

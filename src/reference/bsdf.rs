@@ -8,7 +8,7 @@ use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
 
-use crate::scene::Material;
+use crate::materials::Material;
 
 /// Value and densities of the non-delta lobes for a pair of directions.
 #[derive(Clone, Copy, Debug)]

@@ -1,7 +1,7 @@
 //! Reference images: what the photon-mapping renderers must converge to, made by an independent method.
 //!
 //! Double precision, bidirectional path tracing (`estimator`) whose deep bounces are shared between pixels without bias
-//! (`anchors`), Owen-scrambled Sobol' points (`sampler`), exact intersections (`geometry`);
+//! (`anchors`), Owen-scrambled Sobol' points (`sampler`), exact intersections (`shapes`);
 //! nothing here is shared with the photon-mapping stages beyond the scene itself.
 //!
 //! ```text
@@ -24,9 +24,9 @@ pub mod agreement;
 mod anchors;
 mod bsdf;
 mod estimator;
-mod geometry;
 mod output;
 mod sampler;
+mod shapes;
 mod technique;
 #[cfg(test)]
 mod tests;
@@ -242,8 +242,7 @@ fn check(scene: &Scene, settings: &ReferenceSettings) -> Result<()> {
         return Err(Error::Usage("reference: expected a number of samples a pixel > 0, or a time, to stop at".into()));
     }
     if settings.light == ReferenceLight::Full {
-        let surfaces = scene.spheres.iter().map(|s| s.material).chain(scene.planes.iter().map(|p| p.material));
-        for material in surfaces.map(|m| &scene.materials[m]) {
+        for material in scene.shapes.iter().map(|shape| &scene.materials[shape.material()]) {
             if material.transmission > 0.0 || (material.specular > 0.0 && material.roughness <= 0.0) {
                 return Err(Error::Usage(format!(
                     "{}: material '{}' is a perfect mirror or glass; the reference renderer has no strategy for their \
@@ -258,9 +257,9 @@ fn check(scene: &Scene, settings: &ReferenceSettings) -> Result<()> {
 
 /// Of all that decides a sample's value.
 fn fingerprint(scene: &Scene, settings: &ReferenceSettings) -> u64 {
-    let Scene { name: _, camera, materials, lights, spheres, planes, render: _ } = scene;
+    let Scene { name: _, camera, materials, lights, shapes, render: _ } = scene;
     let ReferenceSettings { size, light, seed, spp: _, time: _, threads: _ } = settings;
     // Debug prints every float in full, and any change of a type's fields changes it too.
-    let text = format!("{camera:?}{materials:?}{lights:?}{spheres:?}{planes:?}{size:?}{light:?}{seed}{TECHNIQUE:?}");
+    let text = format!("{camera:?}{materials:?}{lights:?}{shapes:?}{size:?}{light:?}{seed}{TECHNIQUE:?}");
     fnv1a(text.as_bytes())
 }

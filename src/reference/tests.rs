@@ -9,7 +9,10 @@ use glam::DVec3;
 use super::agreement::{Agreement, Measured, compare};
 use super::technique::Heuristic;
 use super::*;
-use crate::scene::{Camera, Material, Plane, PointLight, RenderDefaults, Sphere};
+use crate::lights::{Lights, PointLight};
+use crate::materials::Material;
+use crate::scene::{Camera, RenderDefaults};
+use crate::shapes::{Plane, Shapes, Sphere};
 
 fn matte(color: DVec3) -> Material {
     Material {
@@ -29,9 +32,8 @@ fn empty(position: DVec3, look_at: DVec3) -> Scene {
         name: "test".into(),
         camera: Camera { position, look_at, up: DVec3::Y, fov_y: 60.0 },
         materials: vec![],
-        lights: vec![],
-        spheres: vec![],
-        planes: vec![],
+        lights: Lights::default(),
+        shapes: Shapes::default(),
         render: RenderDefaults::default(),
     }
 }
@@ -67,14 +69,14 @@ fn room() -> Scene {
     ];
     for (axis, reach) in [(DVec3::X, 2.0), (DVec3::Y, 1.5), (DVec3::Z, 2.0)] {
         for offset in [-reach, reach] {
-            scene.planes.push(Plane { normal: axis, offset, material: 0 });
+            scene.shapes.planes.push(Plane { normal: axis, offset, material: 0 });
         }
     }
-    scene.spheres = vec![
+    scene.shapes.spheres = vec![
         Sphere { center: DVec3::new(0.8, -1.0, -0.8), radius: 0.5, material: 1 },
         Sphere { center: DVec3::new(-0.7, -0.6, -0.6), radius: 0.6, material: 2 },
     ];
-    scene.lights = vec![
+    scene.lights.points = vec![
         PointLight { position: DVec3::new(0.3, 1.3, -0.5), intensity: DVec3::new(5.0, 6.0, 7.0) },
         PointLight { position: DVec3::new(-1.7, -0.2, 0.5), intensity: DVec3::new(2.0, 1.0, 0.5) },
     ];
@@ -84,7 +86,7 @@ fn room() -> Scene {
 /// The same with the metallic sphere matte, so that anchors serve.
 fn matte_room() -> Scene {
     let mut scene = room();
-    scene.spheres[1].material = 1;
+    scene.shapes.spheres[1].material = 1;
     scene.materials.truncate(2);
     scene
 }
@@ -96,8 +98,8 @@ fn a_plane_under_a_light_has_its_closed_form() {
     scene.camera.up = DVec3::NEG_Z;
     let color = DVec3::new(0.8, 0.4, 0.2);
     scene.materials = vec![Material { ambient: 0.25, ..matte(color) }];
-    scene.planes = vec![Plane { normal: DVec3::Y, offset: 0.0, material: 0 }];
-    scene.lights = vec![PointLight { position: DVec3::new(1.0, 2.0, 0.0), intensity: DVec3::splat(10.0) }];
+    scene.shapes.planes = vec![Plane { normal: DVec3::Y, offset: 0.0, material: 0 }];
+    scene.lights.points = vec![PointLight { position: DVec3::new(1.0, 2.0, 0.0), intensity: DVec3::splat(10.0) }];
     let size = (33, 21);
     let full = image(&scene, &settings(size, 256, 0));
     let direct = image(&scene, &ReferenceSettings { light: ReferenceLight::Direct, ..settings(size, 256, 0) });
@@ -128,11 +130,11 @@ fn a_furnace_has_its_closed_form() {
     let (radius, albedo) = (2.0, DVec3::new(0.9, 0.5, 0.1));
     let mut scene = empty(DVec3::new(0.0, 0.3, 1.0), DVec3::ZERO);
     scene.materials = vec![matte(albedo)];
-    scene.spheres = vec![Sphere { center: DVec3::ZERO, radius, material: 0 }];
+    scene.shapes.spheres = vec![Sphere { center: DVec3::ZERO, radius, material: 0 }];
     let intensity = 7.0;
     // In the middle, and a tenth of the radius from the wall, where next-event estimation alone spikes.
     for at in [DVec3::ZERO, DVec3::new(-1.8, 0.0, 0.0)] {
-        scene.lights = vec![PointLight { position: at, intensity: DVec3::splat(intensity) }];
+        scene.lights.points = vec![PointLight { position: at, intensity: DVec3::splat(intensity) }];
         let size = (12, 8);
         let full = image(&scene, &settings(size, 1024, 3));
         let direct = image(&scene, &ReferenceSettings { light: ReferenceLight::Direct, ..settings(size, 1024, 4) });
@@ -252,7 +254,7 @@ fn a_resumed_image_is_the_uninterrupted_one() {
 
     // Sums of another scene or seed are refused.
     let mut moved = scene.clone();
-    moved.lights[0].position.x += 1e-9;
+    moved.lights.points[0].position.x += 1e-9;
     let sums = || Accumulator::load(&path).unwrap();
     assert_eq!(resume(&moved, &settings, sums(), &mut go).unwrap_err().exit_code(), 2);
     let reseeded = ReferenceSettings { seed: 10, ..settings.clone() };
@@ -275,10 +277,10 @@ fn what_cannot_be_rendered_is_refused_and_darkness_is_black() {
     assert!(image(&scene, &direct).mean.iter().all(|m| m.is_finite()));
 
     scene = room();
-    scene.lights.clear();
+    scene.lights.points.clear();
     let dark = image(&scene, &settings((8, 6), 8, 0));
     assert!(dark.mean.iter().chain(&dark.standard_error).all(|v| *v == DVec3::ZERO) && dark.relative_noise() == 0.0);
-    scene.planes.clear();
-    scene.spheres.clear();
+    scene.shapes.planes.clear();
+    scene.shapes.spheres.clear();
     assert!(image(&scene, &settings((8, 6), 8, 0)).mean.iter().all(|v| *v == DVec3::ZERO));
 }

@@ -6,9 +6,8 @@ use std::path::Path;
 
 use toml::de::DeTable;
 
-use super::error::{Position, SceneError};
-use super::table::{Table, Text};
 use super::{Scene, sections};
+use crate::reading::{Position, SceneError, Table, Text};
 
 /// The largest scene file that is read, bytes: 64 MiB, about 750,000 spheres. A larger one is more likely a mistake
 /// (a mesh, a video). The reader takes some 35 times the file's size while it works, 2.4 GB for this one.

@@ -9,11 +9,11 @@ use crate::cpu;
 use crate::cpu::photons::stream_of;
 use crate::device::cl::{Arguments, Buffer, Context, Kernel};
 use crate::error::{Error, Result};
+use crate::packing::packed_scene::PackedScene;
 use crate::plan::charts::Charts;
 use crate::program::features::Features;
 use crate::program::source::{Options, assemble};
 use crate::rays::emission::{Amount, Emission, EmissionPlan, Quanta, Sampler};
-use crate::records::packed_scene::PackedScene;
 use crate::records::{Chart, Texel};
 
 /// Makes irradiance texels on one machine and holds the last ones.

@@ -12,13 +12,13 @@ use crate::cpu;
 use crate::cpu::grid::face_of;
 use crate::device::cl::Context;
 use crate::error::{Error, Result};
+use crate::packing::packed_scene::PackedScene;
 use crate::plan::cells::{self, photon_density};
 use crate::plan::tiling;
 use crate::program::features::Features;
 use crate::rays::emission::{self, Emission};
 use crate::records::Frame;
 use crate::records::face::faces_of;
-use crate::records::packed_scene::PackedScene;
 use crate::settings::Method;
 
 /// Makes photon maps on one machine and holds the last one.

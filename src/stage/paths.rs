@@ -6,8 +6,8 @@ use std::rc::Rc;
 use super::scene_buffers::SceneBuffers;
 use crate::device::cl::{Arguments, Buffer, Context, Kernel};
 use crate::error::Result;
+use crate::packing::Packed;
 use crate::rays::emission::{COLUMNS_LOG2, Emission, EmissionPlan, PART_BITS, ROWS_LOG2, Sampler};
-use crate::records::packing::Packed;
 use crate::records::{Emitter, Frame};
 
 /// A scene's lights and objects on the device.

@@ -11,10 +11,10 @@ use super::walks::Walks;
 use crate::cpu::photons::{fruitless, stream_of};
 use crate::device::cl::Context;
 use crate::error::{Error, Result};
+use crate::packing::Packed;
 use crate::program::features::Features;
 use crate::program::source::{Options, assemble};
 use crate::rays::emission::{Amount, Emission, EmissionPlan, Sampler};
-use crate::records::packing::Packed;
 
 /// The kernels of one permutation.
 struct Kernels {

@@ -2,8 +2,8 @@
 
 use crate::device::cl::{Arguments, Buffer, Context};
 use crate::error::Result;
+use crate::packing::Packed;
 use crate::records::TEXEL;
-use crate::records::packing::Packed;
 
 /// The tables of [`Packed::tables`]. Buffers may be longer than what they hold.
 #[derive(Default)]

@@ -2,8 +2,8 @@
 
 use crate::device::gl::{Functions, Program, TableTexture};
 use crate::error::Result;
+use crate::packing::Packed;
 use crate::records::TEXTURE_WIDTH_LOG2;
-use crate::records::packing::Packed;
 use crate::records::table_sets::{PACKED, TableSet};
 
 /// A texture for each table of some sets.

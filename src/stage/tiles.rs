@@ -10,11 +10,11 @@ use super::trace::draws::{cells_within, touched};
 use crate::device::cl::{Arguments, Buffer, Context, Kernel};
 use crate::device::submissions;
 use crate::error::Result;
+use crate::packing::Packed;
 use crate::plan::cells::Bounds;
 use crate::plan::tiling::{Seen, TilePlan, TileSettings, check_pairs, plan, tiles_of, within};
 use crate::program::features::Features;
 use crate::program::source::{Options, assemble};
-use crate::records::packing::Packed;
 use crate::records::{Frame, Gather, PhotonDirection, Region, Shape, TEXEL, Tile};
 
 /// The tiles' lists on the device. Buffers may be longer than what they hold.

@@ -17,14 +17,15 @@ use crate::cpu::grid::PhotonSurface;
 use crate::cpu::photons::PhotonTables;
 use crate::device::cl::Buffer;
 use crate::error::Result;
+use crate::kinds::{ShapeKind, ShapeSet};
+use crate::packing::Packed;
+use crate::packing::packed_scene::PackedScene;
 use crate::plan::cells::{CellSize, Form, plan};
 use crate::program::features::{Features, Lights};
 use crate::program::gathering::Gathering;
 use crate::rays::camera::camera_direction;
 use crate::rays::random::{hash2_u, unit_real};
 use crate::rays::scene::SceneTables;
-use crate::records::packed_scene::PackedScene;
-use crate::records::packing::Packed;
 use crate::records::{Frame, Material, PLANE, PhotonPosition, PhotonPower, Shape};
 use crate::settings::Backend;
 use crate::stage::grid::{GridSettings, GridStage};
@@ -61,11 +62,9 @@ fn floor() -> Packed {
 
 fn features() -> Features {
     Features {
-        spheres: false,
-        planes: true,
+        shapes: ShapeSet::of(ShapeKind::Plane),
         lights: Lights::None,
-        sphere_shadows: false,
-        plane_shadows: false,
+        shadows: ShapeSet::NONE,
         two_sided: true,
         glossy: false,
         ambient: false,

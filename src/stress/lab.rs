@@ -6,10 +6,11 @@ use std::rc::Rc;
 use crate::device::cl::{self, Buffer};
 use crate::device::gl::{Headless, Program, TableTexture, Target};
 use crate::error::{Error, Result};
+use crate::kinds::{ShapeKind, ShapeSet};
+use crate::packing::Packed;
 use crate::pipeline::open_device;
 use crate::program::features::{Features, Lights};
 use crate::program::source::{Options, assemble};
-use crate::records::packing::Packed;
 use crate::records::{Frame, TEXTURE_WIDTH_LOG2};
 use crate::settings::Backend;
 use crate::stage::scene_buffers::SceneBuffers;
@@ -23,11 +24,9 @@ pub type Answer = [u32; 8];
 /// Of scenes that only rays meet, none of them lit.
 pub fn features(two_sided: bool, in_uniforms: bool) -> Features {
     Features {
-        spheres: true,
-        planes: true,
+        shapes: ShapeSet::of(ShapeKind::Sphere).and(ShapeSet::of(ShapeKind::Plane)),
         lights: Lights::None,
-        sphere_shadows: false,
-        plane_shadows: false,
+        shadows: ShapeSet::NONE,
         two_sided,
         glossy: false,
         ambient: false,

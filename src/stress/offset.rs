@@ -30,17 +30,8 @@ pub(super) fn placed(scene: &Scene, scale: f64, by: DVec3) -> Scene {
     let place = |p: &mut DVec3| *p = *p * scale + by;
     place(&mut placed.camera.position);
     place(&mut placed.camera.look_at);
-    for light in &mut placed.lights {
-        place(&mut light.position);
-        light.intensity *= scale * scale;
-    }
-    for sphere in &mut placed.spheres {
-        place(&mut sphere.center);
-        sphere.radius *= scale;
-    }
-    for plane in &mut placed.planes {
-        plane.offset = plane.offset * scale + plane.normal.dot(by);
-    }
+    placed.lights.place(scale, by);
+    placed.shapes.place(scale, by);
     placed
 }
 
@@ -49,12 +40,12 @@ fn rounded(mut scene: Scene) -> Scene {
     let round = |p: &mut DVec3| *p = p.as_vec3().as_dvec3();
     round(&mut scene.camera.position);
     round(&mut scene.camera.look_at);
-    scene.lights.iter_mut().for_each(|light| round(&mut light.position));
-    for sphere in &mut scene.spheres {
+    scene.lights.points.iter_mut().for_each(|light| round(&mut light.position));
+    for sphere in &mut scene.shapes.spheres {
         round(&mut sphere.center);
         sphere.radius = f64::from(sphere.radius as f32);
     }
-    scene.planes.iter_mut().for_each(|plane| plane.offset = f64::from(plane.offset as f32));
+    scene.shapes.planes.iter_mut().for_each(|plane| plane.offset = f64::from(plane.offset as f32));
     scene
 }
 

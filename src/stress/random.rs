@@ -8,9 +8,9 @@ use super::lab::{Answer, Task};
 use super::{Bench, Fault, Found, Row, Spread, Suite};
 use crate::cpu::photons::stream_of;
 use crate::error::Result;
+use crate::packing::Packed;
 use crate::rays::random::{R4_STEPS, hash_u, hash2_u, owen_scramble, sequence_u, sobol_second, unit_real};
 use crate::rays::walk::{number_u, sample_sphere};
-use crate::records::packing::Packed;
 use crate::settings::Backend;
 
 /// What the twins make of two counters.

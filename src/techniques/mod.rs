@@ -15,10 +15,10 @@ use crate::cpu::photons::fruitless;
 use crate::device::cl;
 use crate::error::Result;
 use crate::film::Image;
+use crate::packing::packed_scene::PackedScene;
 use crate::plan::choice::Class;
 use crate::program::features::{Features, is_divided};
 use crate::records::Frame;
-use crate::records::packed_scene::PackedScene;
 use crate::records::table_sets::TableSet;
 use crate::scene::Scene;
 use crate::settings::{Amount, GridForm, LightMode, Method, Pass, Settings, Technique};
@@ -73,8 +73,7 @@ pub fn of(scene: &Scene, settings: &Settings) -> Result<&'static Row> {
 
 /// Whether a picture has photons at all.
 pub fn wants_photons(scene: &Scene, settings: &Settings) -> bool {
-    let shapes = scene.spheres.len() + scene.planes.len();
-    settings.light != LightMode::Direct && !scene.lights.is_empty() && shapes > 0
+    settings.light != LightMode::Direct && !scene.lights.is_empty() && !scene.shapes.is_empty()
 }
 
 /// How the bias of a mean of passes is estimated, from sums that are kept beside the passes' own.
@@ -219,7 +218,7 @@ mod tests {
         settings.technique = Technique::FinalGather(Default::default());
         assert_eq!(name(&scene, &settings).unwrap(), "final-gather");
         let mut dark = scene.clone();
-        dark.lights.clear();
+        dark.lights.points.clear();
         assert_eq!(name(&dark, &settings).unwrap(), "direct");
         // A number of stored photons is then not to be had, unless none are wanted.
         settings.photons.amount = Amount::Stored(10);

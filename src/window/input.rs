@@ -110,18 +110,7 @@ impl Input {
             }
             Grip::Thing(held) => {
                 let center = held.center(&state.hand.camera, place(to, area));
-                state.edit(|scene| match held.thing {
-                    Thing::Light(i) => {
-                        if let Some(light) = scene.lights.get_mut(i) {
-                            light.position = center;
-                        }
-                    }
-                    Thing::Sphere(i) => {
-                        if let Some(sphere) = scene.spheres.get_mut(i) {
-                            sphere.center = center;
-                        }
-                    }
-                });
+                state.edit(|scene| held.thing.put(scene, center));
             }
         }
         true
@@ -163,11 +152,11 @@ mod tests {
         let (mut input, mut state) = (Input::default(), state());
         let camera = state.hand.camera.clone();
         drag(&mut input, &mut state, MouseButton::Left, pos2(200.0, 150.0), pos2(230.0, 150.0));
-        assert!(state.scene.spheres[0].center.x > 0.5 && state.hand.camera == camera);
-        assert_eq!(state.held, Some(Thing::Sphere(0)));
-        let center = state.scene.spheres[0].center;
+        assert!(state.scene.shapes.spheres[0].center.x > 0.5 && state.hand.camera == camera);
+        assert_eq!(state.held, Some(Thing::Shape(0)));
+        let center = state.scene.shapes.spheres[0].center;
         drag(&mut input, &mut state, MouseButton::Left, pos2(20.0, 20.0), pos2(60.0, 20.0));
-        assert!(state.scene.spheres[0].center == center && state.hand.camera != camera);
+        assert!(state.scene.shapes.spheres[0].center == center && state.hand.camera != camera);
     }
 
     #[test]
@@ -176,7 +165,7 @@ mod tests {
         state.act(super::super::keys::Action::Split, false);
         drag(&mut input, &mut state, MouseButton::Left, pos2(202.0, 150.0), pos2(300.0, 150.0));
         assert_eq!(state.divider, 0.75);
-        assert_eq!(state.scene.spheres[0].center.x, 0.0);
+        assert_eq!(state.scene.shapes.spheres[0].center.x, 0.0);
     }
 
     #[test]

@@ -79,7 +79,7 @@ pub fn lights(painter: &Painter, area: Rect, state: &State, hovered: Option<Thin
             continue;
         }
         let aspect = f64::from(area.width() / area.height());
-        let Some((x, y, _)) = project(&state.hand.camera, aspect, light.position) else { continue };
+        let Some((x, y, _)) = project(&state.hand.camera, aspect, light.origin()) else { continue };
         let at = area.min + vec2(x as f32 * area.width(), y as f32 * area.height());
         // Dark and bright, to be seen before anything.
         let radius = if held { 7.0 } else { 5.0 };

@@ -8,7 +8,7 @@ use super::history::History;
 use super::keys::{Action, GESTURES, TABLE};
 use super::state::{Right, State};
 use crate::device::gl::ToneMap;
-use crate::scene::Material;
+use crate::materials::Material;
 use crate::settings::{Amount, Backend, Choice, LightMode, Method, Technique, TechniqueKind};
 use crate::techniques::default_technique;
 
@@ -267,7 +267,7 @@ fn camera(ui: &mut Ui, state: &mut State) {
 
 fn lights(ui: &mut Ui, state: &mut State) {
     state.edit(|scene| {
-        for (i, light) in scene.lights.iter_mut().enumerate() {
+        for (i, light) in scene.lights.points.iter_mut().enumerate() {
             ui.label(format!("light {}", i + 1));
             vector(ui, "position", &mut light.position, 0.02);
             let strongest = light.intensity.max_element().max(1e-3);

@@ -1,4 +1,4 @@
-//! Taking hold of lights and spheres in the picture. No window in here, only rays.
+//! Taking hold of lights and shapes in the picture. No window in here, only rays.
 
 use glam::DVec3;
 
@@ -13,8 +13,27 @@ const REACH: f64 = 0.025;
 pub enum Thing {
     /// Index into the scene's lights.
     Light(usize),
-    /// Index into the scene's spheres.
-    Sphere(usize),
+    /// Index into the scene's shapes.
+    Shape(usize),
+}
+
+impl Thing {
+    /// Where it is, and how large; none if it is no longer there, or cannot be taken.
+    pub fn bounds(self, scene: &Scene) -> Option<(DVec3, f64)> {
+        match self {
+            Thing::Light(i) => scene.lights.iter().nth(i).map(|light| (light.origin(), 0.0)),
+            Thing::Shape(i) => scene.shapes.get(i)?.bounds(),
+        }
+    }
+
+    /// Puts its centre elsewhere.
+    pub fn put(self, scene: &mut Scene, center: DVec3) {
+        let Some((from, _)) = self.bounds(scene) else { return };
+        match self {
+            Thing::Light(i) => scene.lights.get_mut(i).into_iter().for_each(|light| light.place(1.0, center - from)),
+            Thing::Shape(i) => scene.shapes.get_mut(i).into_iter().for_each(|shape| shape.place(1.0, center - from)),
+        }
+    }
 }
 
 /// A place in the picture, from its top left corner, in units of its width and height.
@@ -64,7 +83,7 @@ pub struct Held {
     depth: f64,
 }
 
-/// The nearest light or sphere at a place. Lights win: they are small, and drawn over all.
+/// The nearest light or shape at a place. Lights win: they are small, and drawn over all.
 pub fn pick(scene: &Scene, place: Place) -> Option<Held> {
     let camera = &scene.camera;
     let [.., forward] = axes(camera);
@@ -74,30 +93,19 @@ pub fn pick(scene: &Scene, place: Place) -> Option<Held> {
         let apart = ((x - place.x) * place.aspect).hypot(y - place.y);
         (apart <= REACH).then_some((apart, index, position, depth))
     };
-    let lights = scene.lights.iter().map(|light| light.position).enumerate().filter_map(near_light);
+    let lights = scene.lights.iter().map(|light| light.origin()).enumerate().filter_map(near_light);
     if let Some((_, index, position, depth)) = lights.min_by(|a, b| a.0.total_cmp(&b.0)) {
         let taken = camera.position + direction * (depth / direction.dot(forward));
         return Some(Held { thing: Thing::Light(index), offset: position - taken, depth });
     }
-    let hit_sphere = |(index, center, radius): (usize, DVec3, f64)| {
-        let away = center - camera.position;
-        let along = away.dot(direction);
-        let half_chord = (radius * radius - (away - direction * along).length_squared()).sqrt(); // NaN: missed
-        [along - half_chord, along + half_chord].into_iter().find(|t| *t > 0.0).map(|t| (t, index, center))
-    };
-    let spheres = scene.spheres.iter().enumerate().map(|(i, s)| (i, s.center, s.radius)).filter_map(hit_sphere);
-    let (t, index, center) = spheres.min_by(|a, b| a.0.total_cmp(&b.0))?;
-    // A plane in front of the sphere hides it.
-    let hidden = scene.planes.iter().any(|plane| {
-        let to_plane = (plane.offset - plane.normal.dot(camera.position)) / plane.normal.dot(direction);
-        to_plane > 0.0 && to_plane < t
-    });
-    if hidden {
-        return None;
-    }
+    let shapes = scene.shapes.iter().enumerate();
+    let hits = shapes.filter_map(|(i, shape)| Some((shape.distance(camera.position, direction, false)?, i, shape)));
+    let (t, index, shape) = hits.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    // What cannot be taken hides what is behind it.
+    let (center, _) = shape.bounds()?;
     let taken = camera.position + direction * t;
     let depth = (taken - camera.position).dot(forward);
-    Some(Held { thing: Thing::Sphere(index), offset: center - taken, depth })
+    Some(Held { thing: Thing::Shape(index), offset: center - taken, depth })
 }
 
 impl Held {
@@ -109,16 +117,13 @@ impl Held {
     }
 }
 
-/// Centre and radius of what F looks at: what was held last, else the middle of all spheres and lights.
+/// Centre and radius of what F looks at: what was held last, else the middle of all shapes that have an end.
 pub fn focus_of(scene: &Scene, thing: Option<Thing>) -> (DVec3, f64) {
-    match thing {
-        Some(Thing::Sphere(i)) if i < scene.spheres.len() => (scene.spheres[i].center, scene.spheres[i].radius),
-        Some(Thing::Light(i)) if i < scene.lights.len() => {
-            let distance = (scene.lights[i].position - scene.camera.position).length();
-            (scene.lights[i].position, 0.1 * distance.max(1e-6))
-        }
-        _ => {
-            let points: Vec<(DVec3, f64)> = scene.spheres.iter().map(|s| (s.center, s.radius)).collect();
+    match thing.and_then(|thing| Some((thing, thing.bounds(scene)?))) {
+        Some((Thing::Shape(_), bounds)) => bounds,
+        Some((Thing::Light(_), (center, _))) => (center, 0.1 * center.distance(scene.camera.position).max(1e-6)),
+        None => {
+            let points: Vec<(DVec3, f64)> = scene.shapes.iter().filter_map(|shape| shape.bounds()).collect();
             if points.is_empty() {
                 let distance = (scene.camera.look_at - scene.camera.position).length();
                 return (scene.camera.look_at, distance / 4.0);
@@ -163,25 +168,25 @@ mod tests {
         #[test]
         fn what_is_dragged_stays_in_its_plane_and_under_the_mouse(x in 0.1..0.9f64, y in 0.1..0.9f64) {
             let scene = room();
-            let from = at(&scene, scene.spheres[0].center);
+            let from = at(&scene, scene.shapes.spheres[0].center);
             let held = pick(&scene, from).unwrap();
-            prop_assert_eq!(held.thing, Thing::Sphere(0), "the nearer of the two");
+            prop_assert_eq!(held.thing, Thing::Shape(0), "the nearer of the two");
             let [.., forward] = axes(&scene.camera);
             let place = Place { x, y, aspect: 1.5 };
             let center = held.center(&scene.camera, place);
             let depth = |p: DVec3| (p - scene.camera.position).dot(forward);
-            prop_assert!((depth(center) - depth(scene.spheres[0].center)).abs() < 1e-9);
+            prop_assert!((depth(center) - depth(scene.shapes.spheres[0].center)).abs() < 1e-9);
             let (px, py, _) = project(&scene.camera, 1.5, center - held.offset).unwrap();
             prop_assert!((px - x).abs() < 1e-9 && (py - y).abs() < 1e-9);
             // Back where it was taken, the sphere is where it was.
-            prop_assert!((held.center(&scene.camera, from) - scene.spheres[0].center).length() < 1e-9);
+            prop_assert!((held.center(&scene.camera, from) - scene.shapes.spheres[0].center).length() < 1e-9);
         }
     }
 
     #[test]
     fn lights_are_taken_nearby_and_nothing_where_nothing_is() {
         let scene = room();
-        let mut place = at(&scene, scene.lights[0].position);
+        let mut place = at(&scene, scene.lights.points[0].position);
         place.x += 0.9 * REACH / 1.5;
         assert_eq!(pick(&scene, place).unwrap().thing, Thing::Light(0));
         place.x += 0.2 * REACH / 1.5;
@@ -192,8 +197,8 @@ mod tests {
     #[test]
     fn planes_hide_spheres() {
         let mut scene = room();
-        let place = at(&scene, scene.spheres[0].center);
-        scene.planes[0].offset = 1.5; // between camera and sphere
+        let place = at(&scene, scene.shapes.spheres[0].center);
+        scene.shapes.planes[0].offset = 1.5; // between camera and sphere
         assert_eq!(pick(&scene, place), None);
     }
 }

@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
+use crate::packing::Packed;
 use crate::program::features::{Features, is_divided};
 use crate::program::gathering::Gathering;
-use crate::records::packing::Packed;
 use crate::scene::{Camera, Scene};
 use crate::settings::{Amount, Backend, DensityKernel, LightMode, Method, Settings, Technique};
 use crate::techniques::Wish;

@@ -1,10 +1,13 @@
 //! Panel edits back into the scene file. Only values that differ are touched: comments, order and layout stay.
 
 use glam::DVec3;
-use toml_edit::{Array, DocumentMut, Item, TableLike, Value};
+use toml_edit::{Array, DocumentMut, Item, TableLike};
 
 use crate::error::{Error, Result};
+use crate::lights::Light;
+use crate::reading::{Saved, Value};
 use crate::scene::Scene;
+use crate::shapes::Shape;
 
 /// The file's text with the values of `new` where they differ from those of `old`, which the text was read into.
 ///
@@ -28,34 +31,27 @@ pub fn updated(text: &str, old: &Scene, new: &Scene) -> Result<String> {
         }
         let all = root.get_mut("materials").and_then(Item::as_table_like_mut);
         let table = all.and_then(|all| all.get_mut(&a.name)).and_then(Item::as_table_like_mut);
-        let table = table.ok_or_else(|| moved("materials"))?;
-        vector(table, "color", a.color, b.color);
-        number(table, "specular", a.specular, b.specular);
-        number(table, "roughness", a.roughness, b.roughness);
-        number(table, "transmission", a.transmission, b.transmission);
-        number(table, "ior", a.ior, b.ior);
-        number(table, "ambient", a.ambient, b.ambient);
-        // Without this key, diffuse is what the other shares leave; then it changes with them.
-        let rest = (1.0 - b.specular - b.transmission).max(0.0);
-        if table.contains_key("diffuse") || (b.diffuse - rest).abs() > 1e-9 {
-            number(table, "diffuse", a.diffuse, b.diffuse);
+        write(table.ok_or_else(|| moved("materials"))?, &a.saved(), &b.saved());
+    }
+    // The window moves and changes lights and shapes, but makes and deletes none.
+    for (i, (a, b)) in old.lights.iter().map(Light::saved).zip(new.lights.iter().map(Light::saved)).enumerate() {
+        if a != b {
+            write(entry(root, "lights", i).ok_or_else(|| moved("lights"))?, &a, &b);
         }
     }
-    for (i, (a, b)) in old.lights.iter().zip(&new.lights).enumerate().filter(|(_, (a, b))| a != b) {
-        let table = entry(root, "lights", i).ok_or_else(|| moved("lights"))?;
-        vector(table, "position", a.position, b.position);
-        vector(table, "intensity", a.intensity, b.intensity);
-    }
-    for (i, (a, b)) in old.spheres.iter().zip(&new.spheres).enumerate().filter(|(_, (a, b))| a != b) {
-        let table = entry(root, "spheres", i).ok_or_else(|| moved("spheres"))?;
-        vector(table, "center", a.center, b.center);
-        number(table, "radius", a.radius, b.radius);
+    for (a, b) in old.shapes.kinds().iter().zip(new.shapes.kinds()) {
+        let list = a.name.plural;
+        for (i, (a, b)) in a.iter().map(Shape::saved).zip(b.iter().map(Shape::saved)).enumerate() {
+            if a != b {
+                write(entry(root, list, i).ok_or_else(|| moved(list))?, &a, &b);
+            }
+        }
     }
     if old.render != new.render {
         let table = root.entry("render").or_insert_with(toml_edit::table);
         let table = table.as_table_like_mut().ok_or_else(|| moved("settings"))?;
         let (a, b) = (&old.render, &new.render);
-        let mut put = |key: &str, differs: bool, value: Option<Value>| match (differs, value) {
+        let mut put = |key: &str, differs: bool, value: Option<toml_edit::Value>| match (differs, value) {
             (false, _) => {}
             (true, Some(value)) => replace(table, key, value),
             (true, None) => drop(table.remove(key)),
@@ -73,8 +69,8 @@ pub fn updated(text: &str, old: &Scene, new: &Scene) -> Result<String> {
 fn entry<'a>(root: &'a mut toml_edit::Table, key: &str, i: usize) -> Option<&'a mut dyn TableLike> {
     match root.get_mut(key)? {
         Item::ArrayOfTables(tables) => tables.get_mut(i).map(|table| table as &mut dyn TableLike),
-        Item::Value(Value::Array(values)) => {
-            values.get_mut(i).and_then(Value::as_inline_table_mut).map(|table| table as &mut dyn TableLike)
+        Item::Value(toml_edit::Value::Array(values)) => {
+            values.get_mut(i).and_then(toml_edit::Value::as_inline_table_mut).map(|table| table as &mut dyn TableLike)
         }
         _ => None,
     }
@@ -86,11 +82,27 @@ fn rounded(x: f64) -> f64 {
 }
 
 /// A value in place of another, with the comments and spaces around it.
-fn replace(table: &mut dyn TableLike, key: &str, mut value: Value) {
+fn replace(table: &mut dyn TableLike, key: &str, mut value: toml_edit::Value) {
     if let Some(old) = table.get(key).and_then(Item::as_value) {
         *value.decor_mut() = old.decor().clone();
     }
     table.insert(key, Item::Value(value));
+}
+
+/// Writes what differs of a light, a shape or a material.
+fn write(table: &mut dyn TableLike, old: &[Saved], new: &[Saved]) {
+    for (old, new) in old.iter().zip(new) {
+        match (old.value, new.value) {
+            (Value::Number(a), Value::Number(b)) => {
+                let is_implied = |saved: &Saved| saved.implied.is_some_and(|implied| (b - implied).abs() <= 1e-9);
+                if table.contains_key(new.key) || !is_implied(new) {
+                    number(table, new.key, a, b);
+                }
+            }
+            (Value::Vector(a), Value::Vector(b)) => vector(table, new.key, a, b),
+            _ => {}
+        }
+    }
 }
 
 fn number(table: &mut dyn TableLike, key: &str, old: f64, new: f64) {
@@ -138,9 +150,9 @@ mod tests {
     #[test]
     fn only_what_changed_is_touched() {
         let mut new = room();
-        new.lights[0].position.x = 0.1 + 0.2;
-        new.spheres[0].radius = 1.25;
-        new.spheres[0].center.z = -6.5;
+        new.lights.points[0].position.x = 0.1 + 0.2;
+        new.shapes.spheres[0].radius = 1.25;
+        new.shapes.spheres[0].center.z = -6.5;
         let text = updated(TEXT, &room(), &new).unwrap();
         let expected = TEXT
             .replace("position = [0, 2.70, 0]", "position = [0.3, 2.70, 0]")
@@ -173,14 +185,14 @@ mod tests {
                     [camera]\nposition = [0, 0, 9]\nlook_at = [0, 0, 0]\n";
         let old = parse(text, "x.toml").unwrap();
         let mut new = old.clone();
-        new.lights[0].intensity = DVec3::new(2.0, 1.0, 1.0);
+        new.lights.points[0].intensity = DVec3::new(2.0, 1.0, 1.0);
         assert_eq!(updated(text, &old, &new).unwrap(), text.replace("[1, 1, 1]", "[2.0, 1, 1]"));
     }
 
     #[test]
     fn a_file_that_became_another_is_refused() {
         let mut new = room();
-        new.lights[0].position.x = 1.0;
+        new.lights.points[0].position.x = 1.0;
         let other = "[camera]\nposition = [0, 0, 9]\nlook_at = [0, 0, 0]\n";
         assert!(matches!(updated(other, &room(), &new), Err(Error::Failed(_))));
         assert!(matches!(updated("[camera", &room(), &new), Err(Error::Failed(_))));

@@ -119,7 +119,7 @@ impl Script {
         let key = self.at((frame % self.frames_once()) as f64 * self.step);
         scene.camera.position = key.position.into();
         scene.camera.look_at = key.look_at.into();
-        if let (Some(light), Some(first)) = (key.light, scene.lights.first_mut()) {
+        if let (Some(light), Some(first)) = (key.light, scene.lights.points.first_mut()) {
             first.position = light.into();
         }
     }
@@ -167,7 +167,7 @@ impl Recorder {
             return;
         }
         let camera = &scene.camera;
-        let light = scene.lights.first().map(|light| light.position.to_array());
+        let light = scene.lights.points.first().map(|light| light.position.to_array());
         let (position, look_at) = (camera.position.to_array(), camera.look_at.to_array());
         self.keys.push(KeyFrame { time, position, look_at, light });
     }
@@ -179,7 +179,7 @@ impl Recorder {
         }
         let mut script = Script { step: 0.05, repeat: 1, keys: self.keys };
         // A light that stayed where the scene has it needs no mention.
-        let home = scene.lights.first().map(|light| light.position.to_array());
+        let home = scene.lights.points.first().map(|light| light.position.to_array());
         if script.keys.iter().all(|key| key.light == home) {
             script.keys.iter_mut().for_each(|key| key.light = None);
         }

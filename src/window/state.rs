@@ -306,15 +306,21 @@ fn next_markers(now: markers::ShownMarkers) -> markers::ShownMarkers {
 fn size_of(scene: &Scene) -> f64 {
     let eye = scene.camera.position;
     let to_target = (scene.camera.look_at - eye).length();
-    let farthest = scene.spheres.iter().map(|s| (s.center - eye).length() + s.radius);
-    let farthest = farthest.chain(scene.lights.iter().map(|l| (l.position - eye).length())).fold(0.0, f64::max);
+    let farthest = scene.shapes.iter().filter_map(|s| s.bounds()).map(|(center, radius)| center.distance(eye) + radius);
+    let farthest = farthest.chain(scene.lights.iter().map(|l| l.origin().distance(eye))).fold(0.0, f64::max);
     farthest.max(to_target)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::records::packing::packings;
+    use crate::packing::packings;
+
+    fn without_spheres(scene: &Scene) -> Scene {
+        let mut scene = scene.clone();
+        scene.shapes.spheres.clear();
+        scene
+    }
 
     fn state() -> State {
         let text = "[camera]\nposition = [0, 0, 9]\nlook_at = [0, 0, 0]\n";
@@ -363,7 +369,7 @@ mod tests {
         let (before, saved) = (packings(), Arc::clone(&state.scene));
         for _ in 0..100 {
             // What no event changed, and what was edited to what it was.
-            state.edit(|scene| scene.lights[0].position.y = 3.0);
+            state.edit(|scene| scene.lights.points[0].position.y = 3.0);
             for (right, first) in [false, true].into_iter().zip(&first) {
                 let request = state.request(right).unwrap();
                 assert!(Arc::ptr_eq(&request.scene, &first.scene) && request == *first);
@@ -374,7 +380,7 @@ mod tests {
         state.hand.orbit(0.1, 0.0);
         assert!(state.request(false).unwrap().scene.camera != first[0].scene.camera);
         assert_eq!(packings() - before, 0, "scenes packed to learn that nothing changed");
-        state.edit(|scene| scene.lights[0].position.y = 2.0);
+        state.edit(|scene| scene.lights.points[0].position.y = 2.0);
         state.request(false);
         assert!(packings() > before, "what changed has to be looked into");
     }
@@ -387,12 +393,16 @@ mod tests {
         const CASES: &[Case] = &[
             ("camera", |state| state.hand.orbit(0.1, 0.0), false),
             ("camera below the floor", |state| state.hand.camera.position.y = -5.0, true),
-            ("light's place", |state| state.edit(|scene| scene.lights[0].position.x = 1.0), false),
-            ("light below the floor", |state| state.edit(|scene| scene.lights[0].position.y = -3.0), true),
-            ("light's intensity", |state| state.edit(|scene| scene.lights[0].intensity.x = 1.0), false),
-            ("second light", |state| state.edit(|scene| scene.lights.push(scene.lights[0].clone())), true),
-            ("sphere", |state| state.edit(|scene| scene.spheres[0].center.x = 1.0), false),
-            ("no sphere", |state| state.edit(|scene| scene.spheres.clear()), true),
+            ("light's place", |state| state.edit(|scene| scene.lights.points[0].position.x = 1.0), false),
+            ("light below the floor", |state| state.edit(|scene| scene.lights.points[0].position.y = -3.0), true),
+            ("light's intensity", |state| state.edit(|scene| scene.lights.points[0].intensity.x = 1.0), false),
+            (
+                "second light",
+                |state| state.edit(|scene| scene.lights.points.push(scene.lights.points[0].clone())),
+                true,
+            ),
+            ("sphere", |state| state.edit(|scene| scene.shapes.spheres[0].center.x = 1.0), false),
+            ("no sphere", |state| state.edit(|scene| scene.shapes.spheres.clear()), true),
             ("colour", |state| state.edit(|scene| scene.materials[0].color.x = 0.5), false),
             ("gloss", |state| state.edit(|scene| scene.materials[0].specular = 0.5), true),
             ("photons", |state| state.settings.photons.amount = crate::settings::Amount::Paths(77), false),
@@ -402,7 +412,7 @@ mod tests {
             ("backend", |state| state.backend = Backend::Cpu, true),
             ("rays", |state| state.wish.rays = Some(3), false),
             ("technique", |state| state.gather_asked(), false),
-            ("another file", |state| state.reload(Scene { spheres: Vec::new(), ..(*state.scene).clone() }), true),
+            ("another file", |state| state.reload(without_spheres(&state.scene)), true),
         ];
         for (what, change, other_programs) in CASES {
             let mut state = lit();

@@ -26,7 +26,7 @@ fn all_shipped_scenes_look_alike_on_all_backends() {
     for name in all_shipped() {
         let scene = shipped(&name);
         // Hundreds of objects take llvmpipe seconds at full size; edges, and so flips, shrink with the width.
-        let shrink = if scene.spheres.len() > 100 { 4 } else { 1 };
+        let shrink = if scene.shapes.spheres.len() > 100 { 4 } else { 1 };
         let (settings, most_flips) = (direct(640 / shrink, 480 / shrink, 1), FLIPS / shrink as usize);
         let images: Vec<Image> = pipelines.iter_mut().map(|pipeline| render(pipeline, &scene, &settings)).collect();
         assert!(images.iter().all(|image| image.pixels.iter().filter(|p| p[0] > 0.0).count() > 3000), "{name}");
@@ -47,7 +47,7 @@ fn a_perturbed_side_is_told_apart() {
     let mut rougher = scene.clone();
     rougher.materials.iter_mut().for_each(|material| material.roughness *= 1.001);
     let mut moved_light = scene.clone();
-    moved_light.lights[0].position.x += 1e-3;
+    moved_light.lights.points[0].position.x += 1e-3;
     for (what, wrong) in [("roughness", rougher), ("light", moved_light)] {
         let (rmse, flips) = compare(&sound, &render(&mut pipeline, &wrong, &settings));
         assert!(rmse > RMSE, "{what}: RMSE {rmse:e}, {flips} flips");

@@ -3,8 +3,11 @@
 use std::f64::consts::PI;
 
 use glam::{DVec3, dvec3};
-use photile::scene::{Material, Plane, PointLight, Scene, Sphere};
+use photile::lights::PointLight;
+use photile::materials::Material;
+use photile::scene::Scene;
 use photile::settings::Settings;
+use photile::shapes::{Plane, Sphere};
 
 use crate::common::{Pinhole, backends, direct, pixels, render, scene, to_plane, to_sphere};
 
@@ -18,7 +21,7 @@ fn first_hit(scene: &Scene, origin: DVec3, direction: DVec3) -> Option<(DVec3, D
         let point = origin + direction * to_plane(origin, direction, p.normal, p.offset)?;
         Some((point, p.normal, &scene.materials[p.material]))
     };
-    let hits = scene.spheres.iter().filter_map(sphere).chain(scene.planes.iter().filter_map(plane));
+    let hits = scene.shapes.spheres.iter().filter_map(sphere).chain(scene.shapes.planes.iter().filter_map(plane));
     let (point, normal, material) = hits.min_by(|a, b| a.0.distance(origin).total_cmp(&b.0.distance(origin)))?;
     Some((point, -normal * normal.dot(direction).signum(), material))
 }
@@ -50,7 +53,7 @@ fn reflected(point: DVec3, normal: DVec3, to_viewer: DVec3, material: &Material,
 /// Radiance of a scene in which nothing shadows anything else.
 fn expected(scene: &Scene, origin: DVec3, direction: DVec3) -> DVec3 {
     let Some((point, normal, material)) = first_hit(scene, origin, direction) else { return DVec3::ZERO };
-    let lights = scene.lights.iter().map(|light| reflected(point, normal, -direction, material, light));
+    let lights = scene.lights.points.iter().map(|light| reflected(point, normal, -direction, material, light));
     lights.sum::<DVec3>() + material.color * material.ambient
 }
 
@@ -105,9 +108,9 @@ fn the_formula_tells_a_wrong_light_apart() {
         for wrong in 0..3 {
             let mut other = right.clone();
             match wrong {
-                0 => other.lights[0].position.x += 1e-4,
+                0 => other.lights.points[0].position.x += 1e-4,
                 1 => other.materials[0].diffuse *= 1.0001,
-                _ => other.planes[0].offset += 1e-4,
+                _ => other.shapes.planes[0].offset += 1e-4,
             }
             let image = render(&mut pipeline, &other, &settings);
             assert!(worst(&right, &settings, &image, 1e-3) > PLANE, "{}: {wrong}", pipeline.backend.name());
@@ -219,10 +222,10 @@ fn a_lamp_that_lies_on_a_surface_lights_the_room_evenly() {
              [[planes]]\nnormal = {normal}\noffset = 3.7\nmaterial = \"m\"\n"
         );
         let mut scene = scene(&text);
-        let ceiling = scene.planes[1].clone();
+        let ceiling = scene.shapes.planes[1].clone();
         let place = dvec3(0.31, 0.0, -1.7);
         let position = place + ceiling.normal * (ceiling.offset - ceiling.normal.dot(place));
-        scene.lights.push(PointLight { position, intensity: DVec3::splat(20.0) });
+        scene.lights.points.push(PointLight { position, intensity: DVec3::splat(20.0) });
         let settings = direct(160, 120, 1);
         let camera = Pinhole::new(&scene.camera, &settings);
         for mut pipeline in backends() {
@@ -232,7 +235,7 @@ fn a_lamp_that_lies_on_a_surface_lights_the_room_evenly() {
                 let direction = camera.through(x, y);
                 let Some((point, normal, material)) = first_hit(&scene, camera.position, direction) else { continue };
                 if (point.y + 1.0).abs() < 1e-9 {
-                    let expected = reflected(point, normal, -direction, material, &scene.lights[0]);
+                    let expected = reflected(point, normal, -direction, material, &scene.lights.points[0]);
                     let found = f64::from(image.at(x, y)[0]);
                     let error = (found - expected.x).abs();
                     assert!(error <= 1e-4 * expected.x, "{normal} at {x} {y}: {found}, expected {}", expected.x);
@@ -295,17 +298,17 @@ fn lights_add_up() {
         let parts: Vec<_> = (0..2)
             .map(|light| {
                 let mut one = scene.clone();
-                one.lights = vec![scene.lights[light].clone()];
+                one.lights.points = vec![scene.lights.points[light].clone()];
                 render(&mut pipeline, &one, &settings)
             })
             .collect();
         let both = render(&mut pipeline, &scene, &settings);
-        let two = scene.lights.clone();
+        let two = scene.lights.points.clone();
         let ninth = two.iter().map(|l| PointLight { position: l.position, intensity: l.intensity / 9.0 });
         // Eighteen lights travel through textures rather than uniforms.
-        scene.lights = ninth.cycle().take(18).collect();
+        scene.lights.points = ninth.cycle().take(18).collect();
         let eighteen = render(&mut pipeline, &scene, &settings);
-        scene.lights = two;
+        scene.lights.points = two;
         let mut apart = 0;
         for (i, pixel) in both.pixels.iter().enumerate() {
             for (c, found) in pixel.iter().enumerate() {

@@ -3,8 +3,9 @@
 use glam::DVec3;
 use photile::pipeline::change::Stage::{self, Compile, Grid, Photons, Textures, Tiles, Trace, Upload};
 use photile::program::features::Features;
-use photile::scene::{Scene, Sphere};
+use photile::scene::Scene;
 use photile::settings::{Amount, Backend, FinalGather, Gather, LightMode, Method, Pass, Settings, Technique};
+use photile::shapes::Sphere;
 
 use crate::common::{backends, direct, open, scene, shipped};
 
@@ -18,22 +19,24 @@ const CASES: &[Case] = &[
     ("size", |_, settings, _| settings.width = 90, &[Compile, Upload]),
     ("seed", |_, _, pass| pass.seed = 7, &[Compile, Upload]),
     ("first sample", |_, _, pass| pass.first_sample = 3, &[Compile, Upload]),
-    ("light's place", |scene, _, _| scene.lights[0].position.y -= 0.5, &[Compile]),
-    ("light's intensity", |scene, _, _| scene.lights[0].intensity.x *= 2.0, &[Compile]),
+    ("light's place", |scene, _, _| scene.lights.points[0].position.y -= 0.5, &[Compile]),
+    ("light's intensity", |scene, _, _| scene.lights.points[0].intensity.x *= 2.0, &[Compile]),
     ("material's colour", |scene, _, _| scene.materials[0].color.x *= 0.5, &[Compile]),
-    ("sphere", |scene, _, _| scene.spheres[0].center.x += 0.3, &[Compile]),
-    ("plane", |scene, _, _| scene.planes[0].offset += 0.3, &[Compile]),
-    ("other material", |scene, _, _| scene.planes[0].material = 1, &[Compile]),
+    ("sphere", |scene, _, _| scene.shapes.spheres[0].center.x += 0.3, &[Compile]),
+    ("plane", |scene, _, _| scene.shapes.planes[0].offset += 0.3, &[Compile]),
+    ("other material", |scene, _, _| scene.shapes.planes[0].material = 1, &[Compile]),
     ("samples", |_, settings, _| settings.samples = 1, &[Upload]),
-    ("second light", |scene, _, _| scene.lights.push(scene.lights[0].clone()), &[]),
+    ("second light", |scene, _, _| scene.lights.points.push(scene.lights.points[0].clone()), &[]),
     ("ambient", |scene, _, _| scene.materials[0].ambient = 0.1, &[]),
     (
         "third sphere",
-        |scene, _, _| scene.spheres.push(Sphere { center: DVec3::new(-0.5, 0.5, -8.0), ..scene.spheres[0] }),
+        |scene, _, _| {
+            scene.shapes.spheres.push(Sphere { center: DVec3::new(-0.5, 0.5, -8.0), ..scene.shapes.spheres[0] })
+        },
         &[],
     ),
-    ("no spheres", |scene, _, _| scene.spheres.clear(), &[]),
-    ("no lights", |scene, _, _| scene.lights.clear(), &[]),
+    ("no spheres", |scene, _, _| scene.shapes.spheres.clear(), &[]),
+    ("no lights", |scene, _, _| scene.lights.points.clear(), &[]),
 ];
 
 #[test]

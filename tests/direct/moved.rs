@@ -13,17 +13,8 @@ fn placed(scene: &Scene, scale: f64, by: DVec3) -> Scene {
     let place = |p: &mut DVec3| *p = *p * scale + by;
     place(&mut placed.camera.position);
     place(&mut placed.camera.look_at);
-    for light in &mut placed.lights {
-        place(&mut light.position);
-        light.intensity *= scale * scale;
-    }
-    for sphere in &mut placed.spheres {
-        place(&mut sphere.center);
-        sphere.radius *= scale;
-    }
-    for plane in &mut placed.planes {
-        plane.offset = plane.offset * scale + plane.normal.dot(by);
-    }
+    placed.lights.place(scale, by);
+    placed.shapes.place(scale, by);
     placed
 }
 
@@ -76,9 +67,9 @@ fn a_hundredth_of_a_percent_shows() {
         let reference = render(&mut pipeline, &scene, &settings);
         // A scale without its intensity, a place without its light, an offset too large by 1e-4 of the room.
         let mut dim = placed(&scene, 1e3, DVec3::ZERO);
-        dim.lights[0].intensity *= 0.9999;
+        dim.lights.points[0].intensity *= 0.9999;
         let mut askew = placed(&scene, 1.0, dvec3(1000.0, -500.0, 2000.0));
-        askew.lights[0].position.x += 1e-3;
+        askew.lights.points[0].position.x += 1e-3;
         for wrong in [dim, askew] {
             let image = render(&mut pipeline, &wrong, &settings);
             let (apart, rel_mse) = differences(&image, &reference);

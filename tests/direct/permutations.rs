@@ -6,10 +6,14 @@ use glam::DVec3;
 use photile::device::cl;
 use photile::device::gl::{Headless, Program};
 use photile::error::Error;
+use photile::kinds::ShapeKind;
+use photile::lights::{self, PointLight};
+use photile::materials::Material;
 use photile::program::features::{Features, Lights};
 use photile::program::source::{Options, assemble, assemble_text};
-use photile::scene::{Camera, Material, Plane, PointLight, RenderDefaults, Scene, Sphere};
+use photile::scene::{Camera, RenderDefaults, Scene};
 use photile::settings::{LightMode, Settings};
+use photile::shapes::{Plane, Shapes, Sphere};
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 
@@ -34,9 +38,9 @@ fn choices(features: &Features) -> [u8; 9] {
         Lights::Many => 2,
     };
     let flags = [
-        features.spheres,
-        features.planes,
-        features.plane_shadows,
+        features.shapes.has(ShapeKind::Sphere),
+        features.shapes.has(ShapeKind::Plane),
+        features.shadows.has(ShapeKind::Plane),
         features.two_sided,
         features.glossy,
         features.ambient,
@@ -131,7 +135,10 @@ fn place(folder: &str, file: &str, text: &str) -> String {
 fn a_broken_source_is_named_with_its_line() {
     // Renaming a function to a number breaks the line that declares it, in a file that both languages include.
     let all = Features::reachable();
-    let features = all.iter().find(|features| !features.one_sample && features.glossy && features.planes).unwrap();
+    let features = all
+        .iter()
+        .find(|features| !features.one_sample && features.glossy && features.shapes.has(ShapeKind::Plane))
+        .unwrap();
     let options = Options { defines: vec!["owen_scramble 1".into()], ..Options::default() };
     let broken = place("glsl", "shared/random.glsl", "Uint owen_scramble(");
     let own = "#include \"shim.glsl\"\nout vec4 film;\nvoid main() { film = vec4(nope); }\n";
@@ -174,12 +181,16 @@ prop_compose! {
             name: "random".into(),
             camera: Camera { position, look_at: position - DVec3::Z, up: DVec3::Y, fov_y: 45.0 },
             materials,
-            lights: lights.into_iter().map(|position| PointLight { position, intensity: DVec3::ONE }).collect(),
+            lights: lights::Lights {
+                points: lights.into_iter().map(|position| PointLight { position, intensity: DVec3::ONE }).collect(),
+            },
+            shapes: Shapes {
             spheres: spheres.into_iter().enumerate()
                 .map(|(i, center)| Sphere { center, radius: 1.0, material: i % count }).collect(),
             planes: planes.into_iter().enumerate()
                 .map(|(i, (normal, offset))| Plane { normal: (normal + DVec3::splat(1e-9)).normalize(), offset, material: i % count })
                 .collect(),
+            },
             render: RenderDefaults::default(),
         }
     }

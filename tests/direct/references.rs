@@ -38,7 +38,7 @@ fn wrong_scenes_are_told_apart() {
     let name = "gi_ref";
     let (scene, reference) = (shipped(name), golden("gi_ref_direct"));
     let mut moved_light = scene.clone();
-    moved_light.lights[0].position.x += 0.01;
+    moved_light.lights.points[0].position.x += 0.01;
     let mut darker = scene.clone();
     darker.materials.iter_mut().for_each(|material| material.diffuse *= 0.99);
     let mut turned = scene.clone();

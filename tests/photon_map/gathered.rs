@@ -7,13 +7,14 @@ use photile::cpu::gather::{self, photon_radiance};
 use photile::cpu::grid::{GridTables, face_of, grid};
 use photile::device::cl::{Buffer, Context};
 use photile::device::gl::{Headless, Program, Target};
+use photile::kinds::{ShapeKind, ShapeSet};
+use photile::packing::Packed;
 use photile::plan::cells::{CellSize, Form, GridPlan};
 use photile::program::features::{Features, Lights};
 use photile::program::gathering::{DensityKernel, Gathering, Method};
 use photile::program::source::{Options, Source, assemble};
 use photile::rays::camera::camera_direction;
 use photile::rays::scene::{SceneTables, Surface};
-use photile::records::packing::Packed;
 use photile::records::{Frame, Material, SPHERE, Shape};
 use photile::stage::grid::{Grid, GridSettings, GridStage};
 use photile::stage::photon_map::PhotonMap;
@@ -28,11 +29,9 @@ const HEIGHT: usize = 48;
 
 pub fn features() -> Features {
     Features {
-        spheres: true,
-        planes: true,
+        shapes: ShapeSet::of(ShapeKind::Sphere).and(ShapeSet::of(ShapeKind::Plane)),
         lights: Lights::None,
-        sphere_shadows: false,
-        plane_shadows: false,
+        shadows: ShapeSet::NONE,
         two_sided: true,
         glossy: true,
         ambient: false,
@@ -251,7 +250,7 @@ fn share_of_truth_in_corners(gathering: Gathering) -> f32 {
     let photons = 100_000;
     let (packed, mut map) = closed_room(photons);
     map.powers.iter_mut().for_each(|p| p.power = [1.0; 3]);
-    let features = Features { spheres: false, glossy: false, ..features() };
+    let features = Features { shapes: ShapeSet::of(ShapeKind::Plane), glossy: false, ..features() };
     let scene = SceneTables::new(&packed, &features);
     let plan = map.plan(&packed.shapes, 0.5, CellSize::Auto, Form::Auto);
     let tables = grid(&map.tables(), &plan);
@@ -358,7 +357,7 @@ fn by_sorting(map: &Map, surface: &Surface, k: usize, radius: f64) -> f64 {
 #[test]
 fn the_k_nearest_are_those_of_a_sorted_list() {
     let (packed, map) = closed_room(20_000);
-    let features = Features { spheres: false, glossy: false, ..features() };
+    let features = Features { shapes: ShapeSet::of(ShapeKind::Plane), glossy: false, ..features() };
     let scene = SceneTables::new(&packed, &features);
     // Some 120 photons a square metre: within this radius 90 in the middle of a wall, 23 in a corner.
     let radius = 0.5;
@@ -441,7 +440,7 @@ fn an_even_sphere_is_as_bright_in_discs_of_every_size() {
     let sphere = Shape { anchor: [0.3, -0.2, 0.1], extent, kind: SPHERE, ..Shape::default() };
     let map = even_sphere(&sphere, photons);
     let packed = packed_of(vec![sphere], 1, Material { color: [1.0; 3], diffuse: 1.0, ..Material::default() });
-    let features = Features { planes: false, glossy: false, ..features() };
+    let features = Features { shapes: ShapeSet::of(ShapeKind::Sphere), glossy: false, ..features() };
     let scene = SceneTables::new(&packed, &features);
     let truth = photons as f64 / (4.0 * PI * f64::from(extent).powi(2));
     for share in [0.05, 0.2, 0.7, 1.3, 1.9] {

@@ -16,10 +16,10 @@ mod timings;
 use glam::DVec3;
 use photile::cpu::grid::{PhotonSurface, PhotonTables, face_of, grid_bounds};
 use photile::device::cl::{Context, devices};
+use photile::packing::Packed;
 use photile::pipeline::open_device;
 use photile::plan::cells::{CellSize, Form, GridPlan, plan};
 use photile::rays::random::{hash2_u, unit_real};
-use photile::records::packing::Packed;
 use photile::records::{Material, PLANE, PhotonDirection, PhotonPosition, PhotonPower, SPHERE, Shape};
 use photile::stage::photon_map::PhotonMap;
 

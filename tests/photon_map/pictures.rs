@@ -92,7 +92,7 @@ fn both_light_modes_converge_to_the_same_picture() {
 
     // The comparison tells light that is counted twice, or not at all.
     let mut brighter = scene.clone();
-    brighter.lights.iter_mut().for_each(|light| light.intensity *= 1.03);
+    brighter.lights.points.iter_mut().for_each(|light| light.intensity *= 1.03);
     let wrong = passes(&mut pipeline, &brighter, LightMode::Photons, 200_000, 0.15, 2);
     assert!((mean(&wrong) / mean(&hybrid) - 1.0).abs() > 0.01);
     let direct = passes(&mut pipeline, &scene, LightMode::Direct, 1, 0.15, 1);

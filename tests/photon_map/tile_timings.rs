@@ -4,6 +4,7 @@ use glam::Vec3;
 use photile::cpu::gather::{PhotonMap, for_each_candidate, for_each_listed, near};
 use photile::cpu::grid::{grid, grid_bounds};
 use photile::cpu::tiles::{find_region, tile_at, tiles, tiles_seen};
+use photile::packing::Packed;
 use photile::pipeline::{Machine, Pipeline};
 use photile::plan::cells::{CellSize, Form, plan};
 use photile::plan::tiling;
@@ -12,7 +13,6 @@ use photile::program::gathering::{Gathering, Method};
 use photile::rays::camera::camera_direction;
 use photile::rays::emission::{self, Emission};
 use photile::rays::scene::SceneTables;
-use photile::records::packing::Packed;
 use photile::settings::{Amount, Backend, Gather, Pass, Photons, Sampler, Settings};
 
 use super::tiles::scene;

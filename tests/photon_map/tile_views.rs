@@ -6,6 +6,7 @@ use std::collections::BTreeSet;
 
 use glam::Vec3;
 use photile::cpu::tiles::{enter, tile_at, tiles, tiles_seen};
+use photile::kinds::{ShapeKind, ShapeSet};
 use photile::plan::tiling::{self, TilePlan, TileSettings};
 use photile::program::features::Features;
 use photile::rays::camera::sample_direction;
@@ -252,7 +253,7 @@ fn black_and_unlit_surfaces_gather_nothing_and_empty_tiles_cost_nothing() {
     (packed.shapes[0].material, packed.shapes[1].material) = (0.0, 1.0);
     packed.materials[0].diffuse = 0.0;
     packed.materials[0].specular = 0.0;
-    let features = Features { spheres: false, ..FEATURES };
+    let features = Features { shapes: ShapeSet::of(ShapeKind::Plane), ..FEATURES };
     let view = Frame { sphere_count: 0.0, plane_count: 2.0, ..frame(Vec3::ZERO, Vec3::new(0.0, 1.0, -0.5), 170.0, 1) };
     let mut random = Random::new(31);
     let mut map = Map::default();

@@ -6,8 +6,9 @@ use photile::film::Image;
 use photile::pipeline::change::Stage;
 use photile::pipeline::{Machine, Pipeline};
 use photile::program::features::is_divided;
-use photile::scene::{Plane, Scene};
+use photile::scene::Scene;
 use photile::settings::{Amount, Backend, Gather, Method, Photons, Settings};
+use photile::shapes::Plane;
 use photile::stage::map::MapView;
 
 use super::tiles::{SAME, apart, scene, settings};
@@ -94,8 +95,8 @@ fn glossy_surfaces_by_tiles_are_those_by_brute_force() {
 /// those beyond it on floor and ceiling light nothing on this side.
 fn divided() -> Scene {
     let mut scene = scene("gi_two_lights");
-    let (normal, material) = (DVec3::new(1.0, 0.0, 0.2), scene.planes[0].material);
-    scene.planes.push(Plane { normal: normal.normalize(), offset: -1.4 / normal.length(), material });
+    let (normal, material) = (DVec3::new(1.0, 0.0, 0.2), scene.shapes.planes[0].material);
+    scene.shapes.planes.push(Plane { normal: normal.normalize(), offset: -1.4 / normal.length(), material });
     scene
 }
 

@@ -7,6 +7,8 @@ use photile::cpu::tiles::{find_region, slopes, tile_at, tiles, tiles_seen};
 use photile::device::cl::Context;
 use photile::device::gl::{Current, Headless};
 use photile::film::Image;
+use photile::kinds::{ShapeKind, ShapeSet};
+use photile::packing::Packed;
 use photile::pipeline::change::Stage;
 use photile::pipeline::{Machine, Pipeline};
 use photile::plan::choice::Class;
@@ -16,7 +18,6 @@ use photile::program::gathering::{Gathering, Method};
 use photile::rays::camera::sample_direction;
 use photile::rays::scene::SceneTables;
 use photile::records::Frame;
-use photile::records::packing::Packed;
 use photile::scene::{Scene, load};
 use photile::settings::{Amount, Backend, Gather, Settings};
 use photile::stage::tiles::TileStage;
@@ -25,11 +26,9 @@ use super::{Map, ROOM_SPHERES, Random, device, like_a_gpu, packed_of, room, room
 use crate::common::one_at_a_time;
 
 pub const FEATURES: Features = Features {
-    spheres: true,
-    planes: true,
+    shapes: ShapeSet::of(ShapeKind::Sphere).and(ShapeSet::of(ShapeKind::Plane)),
     lights: Lights::None,
-    sphere_shadows: false,
-    plane_shadows: false,
+    shadows: ShapeSet::NONE,
     two_sided: true,
     glossy: true,
     ambient: false,

@@ -5,11 +5,12 @@ use std::time::Instant;
 use glam::Vec3;
 use photile::device::cl::Buffer;
 use photile::device::gl::{Headless, Program, Target};
+use photile::kinds::{ShapeKind, ShapeSet};
+use photile::packing::Packed;
 use photile::plan::cells::CellSize;
 use photile::program::features::{Features, Lights};
 use photile::program::gathering::Gathering;
 use photile::program::source::{Options, assemble};
-use photile::records::packing::Packed;
 use photile::records::{Frame, Material, PLANE, Shape};
 use photile::stage::grid::{GridSettings, GridStage};
 use photile::stage::photon_map::PhotonMap;
@@ -101,11 +102,9 @@ fn timings() {
 
     let (packed, map) = closed_room(200_000);
     let features = Features {
-        spheres: false,
-        planes: true,
+        shapes: ShapeSet::of(ShapeKind::Plane),
         lights: Lights::None,
-        sphere_shadows: false,
-        plane_shadows: false,
+        shadows: ShapeSet::NONE,
         two_sided: true,
         glossy: false,
         ambient: false,

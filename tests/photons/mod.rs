@@ -7,10 +7,10 @@ mod speed;
 
 use photile::cpu::photons::{PhotonTables, photons};
 use photile::error::Result;
+use photile::packing::Packed;
 use photile::program::features::Features;
 use photile::rays::emission::{Amount, Emission, EmissionPlan, Sampler};
 use photile::rays::scene::SceneTables;
-use photile::records::packing::Packed;
 use photile::scene::{Scene, parse};
 use photile::settings::Settings;
 

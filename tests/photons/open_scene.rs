@@ -4,12 +4,12 @@ use photile::cpu::gather::{PhotonMap, photon_radiance};
 use photile::cpu::grid::{grid, grid_bounds};
 use photile::cpu::photons::PhotonTables;
 use photile::error::Result;
+use photile::packing::Packed;
 use photile::plan::cells::{self, CellSize, Form};
 use photile::program::gathering::Gathering;
 use photile::rays::camera::camera_direction;
 use photile::rays::emission::{Amount, CELLS, Emission, EmissionPlan, entry};
 use photile::rays::scene::SceneTables;
-use photile::records::packing::Packed;
 use photile::settings::{Pass, Settings};
 
 use super::{Case, grey_box, paths};

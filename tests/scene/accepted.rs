@@ -5,8 +5,11 @@ use std::fmt::Write as _;
 
 use super::GOOD;
 use glam::{DVec3, dvec3};
-use photile::scene::{Material, Plane, PointLight, Scene, Sphere, load, parse};
+use photile::lights::PointLight;
+use photile::materials::Material;
+use photile::scene::{Scene, load, parse};
 use photile::settings::{LightMode, Method};
+use photile::shapes::{Plane, Sphere};
 use proptest::prelude::*;
 
 #[track_caller]
@@ -35,10 +38,10 @@ fn one_of_everything() {
         }]
     );
     let light = PointLight { position: dvec3(0.0, 3.0, 0.0), intensity: dvec3(10.0, 20.0, 30.0) };
-    assert_eq!(scene.lights, [light]);
-    assert_eq!(scene.spheres, [Sphere { center: dvec3(0.0, 1.0, 0.0), radius: 1.0, material: 0 }]);
+    assert_eq!(scene.lights.points, [light]);
+    assert_eq!(scene.shapes.spheres, [Sphere { center: dvec3(0.0, 1.0, 0.0), radius: 1.0, material: 0 }]);
     // 2y = −1 is the plane y = −1/2.
-    assert_eq!(scene.planes, [Plane { normal: DVec3::Y, offset: -0.5, material: 0 }]);
+    assert_eq!(scene.shapes.planes, [Plane { normal: DVec3::Y, offset: -0.5, material: 0 }]);
     let render = scene.render;
     assert_eq!(render.size, Some((640, 480)));
     assert_eq!((render.photons, render.passes), (Some(200_000), Some(4)));
@@ -72,10 +75,10 @@ fn scenes_may_lack_lights_or_objects() {
             .join("\n\n")
     };
     assert!(accepts(&without(&["[[lights]]"])).lights.is_empty());
-    assert!(accepts(&without(&["[[spheres]]"])).spheres.is_empty());
-    assert!(accepts(&without(&["[[planes]]"])).planes.is_empty());
+    assert!(accepts(&without(&["[[spheres]]"])).shapes.spheres.is_empty());
+    assert!(accepts(&without(&["[[planes]]"])).shapes.planes.is_empty());
     let bare = accepts(&without(&["[[lights]]", "[[spheres]]", "[[planes]]", "[materials", "[render]"]));
-    assert!(bare.spheres.is_empty() && bare.planes.is_empty() && bare.materials.is_empty());
+    assert!(bare.shapes.spheres.is_empty() && bare.shapes.planes.is_empty() && bare.materials.is_empty());
     assert!(accepts(&format!("lights = []\n{}", without(&["[[lights]]"]))).lights.is_empty());
 }
 
@@ -85,25 +88,26 @@ fn extremes_that_are_legal() {
         assert!(GOOD.contains(from));
         accepts(&GOOD.replace(from, to))
     };
-    assert_eq!(with("10, 20, 30", "1e30, 1e-30, 0").lights[0].intensity, dvec3(1e30, 1e-30, 0.0));
+    assert_eq!(with("10, 20, 30", "1e30, 1e-30, 0").lights.points[0].intensity, dvec3(1e30, 1e-30, 0.0));
+    assert_eq!(with("[[lights]]\n", "[[lights]]\nkind = \"point\"\n").lights, accepts(GOOD).lights);
     assert_eq!(with("53.13", "0.01").camera.fov_y, 0.01);
     assert_eq!(with("53.13", "179.9").camera.fov_y, 179.9);
-    assert_eq!(with("radius = 1.0", "radius = 1e15").spheres[0].radius, 1e15);
+    assert_eq!(with("radius = 1.0", "radius = 1e15").shapes.spheres[0].radius, 1e15);
     assert_eq!(with("[0.9, 0.9, 0.8]", "[0, 1, 1.0]").materials[0].color, dvec3(0.0, 1.0, 1.0));
     // 0.1 + 0.2 + 0.7 and others exceed 1 by an ulp.
     with("diffuse = 0.5\nspecular = 0.25", "diffuse = 0.9000000000000001\nspecular = 0.1");
     // A normal whose squares vanish in f64, and one that is merely long.
-    assert_eq!(with("[0, 2, 0]\noffset = -1", "[0, 0, 1e-300]\noffset = 0").planes[0].normal, DVec3::Z);
-    let plane = &with("[0, 2, 0]\noffset = -1", "[3e9, 4e9, 0]\noffset = 5e9").planes[0];
+    assert_eq!(with("[0, 2, 0]\noffset = -1", "[0, 0, 1e-300]\noffset = 0").shapes.planes[0].normal, DVec3::Z);
+    let plane = &with("[0, 2, 0]\noffset = -1", "[3e9, 4e9, 0]\noffset = 5e9").shapes.planes[0];
     assert!((plane.normal - dvec3(0.6, 0.8, 0.0)).length() < 1e-15 && (plane.offset - 1.0).abs() < 1e-15);
     // Integers in other bases, a byte order mark, Windows line ends, inline and dotted tables.
     assert_eq!(with("size = [640, 480]", "size = [0x280, 480]").render.size, Some((640, 480)));
-    assert_eq!(with("radius = 1.0", "radius = 0b11").spheres[0].radius, 3.0);
+    assert_eq!(with("radius = 1.0", "radius = 0b11").shapes.spheres[0].radius, 3.0);
     assert_eq!(accepts(&format!("\u{feff}{GOOD}")), accepts(GOOD));
     assert_eq!(accepts(&GOOD.replace('\n', "\r\n")), accepts(GOOD));
     let inline = "camera.position = [0, 0, 1]\ncamera.look_at = [0, 0, 0]\nmaterials = { m = { color = [1, 0, 0] } }\n\
                   spheres = [{ center = [0, 0, 0], radius = 2, material = \"m\" }]";
-    assert_eq!(accepts(inline).spheres[0].radius, 2.0);
+    assert_eq!(accepts(inline).shapes.spheres[0].radius, 2.0);
 }
 
 fn shipped(name: &str) -> Scene {
@@ -128,27 +132,27 @@ fn every_shipped_scene_loads() {
 #[test]
 fn reference_room_has_the_reports_numbers() {
     let scene = shipped("gi_ref");
-    assert_eq!((scene.spheres.len(), scene.planes.len(), scene.lights.len()), (2, 6, 1));
+    assert_eq!((scene.shapes.spheres.len(), scene.shapes.planes.len(), scene.lights.points.len()), (2, 6, 1));
     assert_eq!(scene.camera.fov_y, 53.13);
     // The report states the light's flux: 600 W per channel.
-    assert!((4.0 * PI * scene.lights[0].intensity.x - 600.0).abs() < 0.1);
+    assert!((4.0 * PI * scene.lights.points[0].intensity.x - 600.0).abs() < 0.1);
     // Camera, light and spheres are inside: on the side of each wall where the others are.
-    for plane in &scene.planes {
+    for plane in &scene.shapes.planes {
         let side = |p: DVec3| plane.normal.dot(p) - plane.offset;
-        let inside = side(scene.lights[0].position).signum();
+        let inside = side(scene.lights.points[0].position).signum();
         assert_eq!(side(scene.camera.position).signum(), inside);
-        for sphere in &scene.spheres {
+        for sphere in &scene.shapes.spheres {
             assert!(side(sphere.center) * inside >= sphere.radius - 1e-12);
         }
     }
-    let red = &scene.materials[scene.planes[4].material];
+    let red = &scene.materials[scene.shapes.planes[4].material];
     assert_eq!((red.name.as_str(), red.color, red.diffuse), ("red", dvec3(1.0, 0.2, 0.2), 1.0));
     assert_eq!(shipped("sphere_and_plane").materials[1].diffuse, 0.4);
-    assert_eq!(shipped("gi_two_lights").lights[1].intensity, dvec3(24.0, 20.0, 6.0));
-    assert_eq!(shipped("color_bleeding").planes.len(), 6);
+    assert_eq!(shipped("gi_two_lights").lights.points[1].intensity, dvec3(24.0, 20.0, 6.0));
+    assert_eq!(shipped("color_bleeding").shapes.planes.len(), 6);
     // The furnace's answer of 1 needs I = π at 1 m, and the camera off the centre to mean anything.
     let furnace = shipped("furnace");
-    assert_eq!((furnace.spheres[0].radius, furnace.lights[0].intensity.x), (1.0, PI));
+    assert_eq!((furnace.shapes.spheres[0].radius, furnace.lights.points[0].intensity.x), (1.0, PI));
     assert!(furnace.camera.position.length() > 0.1 && furnace.camera.position.length() < 0.9);
 }
 
@@ -173,7 +177,7 @@ fn hundred_thousand_spheres() {
         let mut times: Vec<_> = (0..7)
             .map(|_| {
                 let start = std::time::Instant::now();
-                assert!(load(&path).unwrap().spheres.len() >= 100_000);
+                assert!(load(&path).unwrap().shapes.spheres.len() >= 100_000);
                 start.elapsed()
             })
             .collect();
@@ -212,9 +216,9 @@ proptest! {
             writeln!(text, "[[spheres]]\nmaterial = '{name}'\nradius = {radius:e}\ncenter = {}", written(*center)).unwrap();
         }
         let scene = parse(&text, "x").map_err(|error| TestCaseError::fail(error.to_string()))?;
-        let read: Vec<_> = scene.lights.iter().map(|light| (light.position, light.intensity)).collect();
+        let read: Vec<_> = scene.lights.points.iter().map(|light| (light.position, light.intensity)).collect();
         prop_assert_eq!(read, lights);
-        let read: Vec<_> = scene.spheres.iter().map(|s| (s.center, s.radius, s.material)).collect();
+        let read: Vec<_> = scene.shapes.spheres.iter().map(|s| (s.center, s.radius, s.material)).collect();
         prop_assert_eq!(read, spheres);
         prop_assert_eq!(scene.materials[1].color, color);
         prop_assert_eq!(scene.materials[1].diffuse, 1.0 - specular);
@@ -230,7 +234,7 @@ proptest! {
             "[camera]\nposition = [0, 0, 1]\nlook_at = [0, 0, 0]\n[materials.m]\ncolor = [1, 1, 1]\n\
              [[planes]]\nnormal = {}\noffset = {offset:?}\nmaterial = 'm'", written(normal));
         let scene = parse(&text, "x").map_err(|error| TestCaseError::fail(error.to_string()))?;
-        let plane = &scene.planes[0];
+        let plane = &scene.shapes.planes[0];
         prop_assert!((plane.normal.length() - 1.0).abs() < 1e-15);
         // The foot of the perpendicular from the origin solves the equation as written.
         let foot = plane.normal * plane.offset;

@@ -22,15 +22,15 @@ fn check(bytes: &[u8]) -> Result<(), TestCaseError> {
 fn sound(scene: &Scene) -> Result<(), TestCaseError> {
     let view = scene.camera.look_at - scene.camera.position;
     prop_assert!(view.cross(scene.camera.up).length() > 0.0);
-    for light in &scene.lights {
+    for light in &scene.lights.points {
         prop_assert!(light.intensity.as_vec3().is_finite() && light.intensity.min_element() >= 0.0);
     }
-    for sphere in &scene.spheres {
+    for sphere in &scene.shapes.spheres {
         let radius = sphere.radius as f32;
         prop_assert!((radius * radius).is_normal() && sphere.material < scene.materials.len());
         prop_assert!(sphere.center.as_vec3().length_squared().is_finite());
     }
-    for plane in &scene.planes {
+    for plane in &scene.shapes.planes {
         prop_assert!((plane.normal.length() - 1.0).abs() < 1e-15 && plane.offset.is_finite());
         prop_assert!(plane.material < scene.materials.len());
     }

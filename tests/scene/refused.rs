@@ -173,6 +173,7 @@ fn unknown_materials() {
 fn lights_spheres_and_planes() {
     refuses("intensity = [10, 20, 30]", "intensity = [10, -20, 30]", 19, 18, &["intensity[1] = -20", "W/sr from 0"]);
     refuses("intensity = [10, 20, 30]\n", "", 17, 1, &["[[lights]] without intensity"]);
+    refuses("[[lights]]\n", "[[lights]]\nkind = \"pint\"\n", 18, 8, &["kind = \"pint\"", "\"point\"", "did you mean"]);
     refuses("radius = 1.0", "radius = 0", 23, 10, &["radius = 0,", "a radius > 0"]);
     refuses("radius = 1.0\n", "", 21, 1, &["[[spheres]] without radius"]);
     refuses("normal = [0, 2, 0]", "normal = [0, 0.0, -0.0]", 27, 10, &["normal = [0, 0.0, -0.0]", "not all zeros"]);

@@ -79,7 +79,7 @@ fn contact_shadows_far_from_the_origin_are_those_of_double_precision() {
         assert!(error < SAMPLING, "{}: relMSE {error:e}", pipeline.backend.name());
         // As a renderer sees it that keeps float32 coordinates with an epsilon of a centimetre: without the contact.
         let mut lifted = scene.clone();
-        lifted.spheres.iter_mut().for_each(|sphere| sphere.center.y += 0.01);
+        lifted.shapes.spheres.iter_mut().for_each(|sphere| sphere.center.y += 0.01);
         let wrong = rel_mse(&render(&mut pipeline, &lifted, &direct(SIZE.0, SIZE.1, 64)), &reference);
         assert!(wrong > SAMPLING, "a centimetre must show: {wrong:e}");
     }
@@ -99,7 +99,7 @@ fn rooms_walled_by_huge_spheres_are_those_of_double_precision() {
         assert!(error < WALLS, "{}: relMSE {error:e}", pipeline.backend.name());
         assert!((ratio - 1.0).abs() < 2e-3, "{}: {ratio} times as bright", pipeline.backend.name());
         let mut moved = scene.clone();
-        moved.lights[0].position += DVec3::splat(0.1);
+        moved.lights.points[0].position += DVec3::splat(0.1);
         assert!(rel_mse(&render(&mut pipeline, &moved, &direct(SIZE.0, SIZE.1, 64)), &reference) > WALLS);
     }
 }

@@ -1,13 +1,14 @@
 //! From which side rays meet objects: mostly known beforehand, asked only where it must be.
 
 use glam::{DVec3, Vec3};
+use photile::packing::Packed;
 use photile::program::features::Features;
 use photile::rays::random::{hash_u, hash2_u};
 use photile::rays::scene::SceneTables;
 use photile::rays::walk::{sample_cosine, sample_sphere};
-use photile::records::packing::Packed;
-use photile::scene::{Scene, Sphere};
+use photile::scene::Scene;
 use photile::settings::{Amount, Settings};
+use photile::shapes::Sphere;
 
 use super::one_at_a_time;
 use crate::common::{backends, render, shipped};
@@ -24,9 +25,9 @@ fn sides_are_asked_only_where_a_ray_may_begin_behind_something() {
         let by = DVec3::new(1e5, -1e5, 1e5);
         far.camera.position += by;
         far.camera.look_at += by;
-        far.lights.iter_mut().for_each(|light| light.position += by);
-        far.spheres.iter_mut().for_each(|sphere| sphere.center += by);
-        far.planes.iter_mut().for_each(|plane| plane.offset += plane.normal.dot(by));
+        far.lights.points.iter_mut().for_each(|light| light.position += by);
+        far.shapes.spheres.iter_mut().for_each(|sphere| sphere.center += by);
+        far.shapes.planes.iter_mut().for_each(|plane| plane.offset += plane.normal.dot(by));
         assert!(!two_sided(&far), "{name}, far away");
     }
     let changed = |change: &dyn Fn(&mut Scene)| {
@@ -34,17 +35,18 @@ fn sides_are_asked_only_where_a_ray_may_begin_behind_something() {
         change(&mut scene);
         two_sided(&scene)
     };
-    let around = |scene: &mut Scene, center: DVec3| scene.spheres.push(Sphere { center, radius: 0.5, material: 0 });
+    let around =
+        |scene: &mut Scene, center: DVec3| scene.shapes.spheres.push(Sphere { center, radius: 0.5, material: 0 });
     assert!(!changed(&|_| ()));
     assert!(changed(&|scene| scene.camera.position.z = 9.0), "camera outside the room");
     assert!(changed(&|scene| scene.camera.position.z = 1.5), "camera on a wall");
-    assert!(changed(&|scene| scene.lights[0].position.y = 3.5), "light on the ceiling");
-    assert!(changed(&|scene| scene.lights[0].position.y = 30.0), "light outside the room");
+    assert!(changed(&|scene| scene.lights.points[0].position.y = 3.5), "light on the ceiling");
+    assert!(changed(&|scene| scene.lights.points[0].position.y = 30.0), "light outside the room");
     assert!(changed(&|scene| around(scene, scene.camera.position)), "camera in a sphere");
-    assert!(changed(&|scene| around(scene, scene.lights[0].position)), "light in a sphere");
+    assert!(changed(&|scene| around(scene, scene.lights.points[0].position)), "light in a sphere");
     assert!(changed(&|scene| around(scene, scene.camera.position + DVec3::X * 0.5)), "camera on a sphere");
     assert!(!changed(&|scene| around(scene, DVec3::new(0.0, -2.0, -5.0))), "a sphere elsewhere");
-    assert!(changed(&|scene| scene.lights.clear()), "no light to tell a side");
+    assert!(changed(&|scene| scene.lights.points.clear()), "no light to tell a side");
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! Every suite holds, and every suite can fail.
 
+use photile::kinds::{ShapeKind, ShapeSet};
 use photile::program::features::{Features, Lights};
 use photile::program::source as assembly;
 use photile::settings::Backend;
@@ -62,11 +63,9 @@ fn devices_find_faults_of_their_own_code() {
 fn one_lane_compiles_too() {
     one_at_a_time();
     let features = Features {
-        spheres: true,
-        planes: true,
+        shapes: ShapeSet::of(ShapeKind::Sphere).and(ShapeSet::of(ShapeKind::Plane)),
         lights: Lights::None,
-        sphere_shadows: false,
-        plane_shadows: false,
+        shadows: ShapeSet::NONE,
         two_sided: true,
         glossy: false,
         ambient: false,

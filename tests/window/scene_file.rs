@@ -38,8 +38,12 @@ fn the_file_is_read_again_errors_are_told_and_edits_saved() {
     let saved = std::fs::read_to_string(&path).unwrap();
     let scene = photile::scene::parse(&saved, "saved.toml").unwrap();
     let before = photile::scene::parse(&text, "saved.toml").unwrap();
-    assert!(scene.spheres[0].center.x < before.spheres[0].center.x - 0.5, "{:?}", scene.spheres[0]);
-    assert_eq!(scene.spheres[1], before.spheres[1]);
+    assert!(
+        scene.shapes.spheres[0].center.x < before.shapes.spheres[0].center.x - 0.5,
+        "{:?}",
+        scene.shapes.spheres[0]
+    );
+    assert_eq!(scene.shapes.spheres[1], before.shapes.spheres[1]);
     for comment in text.lines().filter(|line| line.starts_with('#')) {
         assert!(saved.contains(comment), "{comment} is lost");
     }

@@ -2,7 +2,8 @@
 
 use super::CellSize;
 use crate::records::face::{shape_of_sheet, sheet_of};
-use crate::records::{Face, PLANE, Shape};
+use crate::records::{Face, Shape};
+use crate::shapes::sheet_of as sheet_of_record;
 
 /// The box of a face's photons, scene space, metres. Empty when low > high.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,8 +45,7 @@ pub(super) fn within_a_disc(bounds: &[Bounds], photons: usize, radius: f32) -> f
 /// Whether u and v are exchanged on a shape's faces: planes across x have one or two cells along x only, and rows
 /// should be long.
 pub(crate) fn flipped(shape: &Shape) -> bool {
-    let [x, y, z] = shape.anchor.map(f32::abs);
-    shape.kind == PLANE && x > y.max(z)
+    sheet_of_record(shape).is_across_x()
 }
 
 /// Number of a distance's cell, rounded as `cell_along` rounds.

@@ -1,83 +1,82 @@
-//! Where light can be in a scene, as planes and spheres bound it, and which share of a texel that is.
+//! Where light can be in a scene.
 
 use glam::DVec3;
 
-use super::vector;
-use crate::records::packing::Packed;
-use crate::records::{Light, PLANE};
+use super::neighbourhood;
+use crate::packing::Packed;
+use crate::shapes::{Shape, Shapes, Sheet};
 
 /// Points along a side of a texel at which it is asked what light can reach: an edge through a texel is known to about
 /// 1/50 of it.
 const SUBSAMPLES: u32 = 12;
 
 /// A half-space that all light stays in: `dot(normal, p) <= offset`.
-pub(super) struct HalfSpace {
+pub struct HalfSpace {
     pub normal: DVec3,
     pub offset: f64,
+    /// Whose border it is.
     pub shape: usize,
 }
 
 /// What bounds the light of a scene.
-pub(super) struct Domain<'a> {
-    pub packed: &'a Packed,
+pub struct Domain {
+    /// Of the shapes, in the order of their records.
+    pub sheets: Vec<Sheet>,
+    /// Centres and radii of shapes that have an end.
+    pub bounds: Vec<(DVec3, f64)>,
+    /// Places of the lights.
+    pub lights: Vec<DVec3>,
     pub half_spaces: Vec<HalfSpace>,
-    /// Texels on each side of one that its neighbourhood may have at most.
+    /// See [`neighbourhood::WIDEST`].
     pub widest: u32,
 }
 
-impl<'a> Domain<'a> {
+impl Domain {
     /// Planes that have all lights on one side keep their light on that side.
-    pub fn new(packed: &'a Packed, widest: u32) -> Domain<'a> {
+    pub fn new(packed: &Packed) -> Domain {
+        let shapes = Shapes::unpacked(&packed.shapes);
+        let lights: Vec<DVec3> = packed.lights.iter().map(|light| DVec3::from(light.position.map(f64::from))).collect();
         let mut half_spaces = Vec::new();
-        for (shape, plane) in packed.shapes.iter().enumerate().skip(packed.sphere_count) {
-            let (normal, offset) = (vector(plane.anchor), f64::from(plane.extent));
-            let heights = || packed.lights.iter().map(|light| normal.dot(vector(light.position)) - offset);
+        // Light goes round what has an end.
+        for (number, shape) in shapes.iter().enumerate().filter(|(_, shape)| shape.bounds().is_none()) {
+            let sheet = shape.sheet();
+            let Sheet::Flat { normal, offset } = sheet else { continue };
+            let heights = || lights.iter().map(|light| sheet.height(*light));
             // A light on the plane itself shines to both sides.
             if heights().all(|height| height < 0.0) {
-                half_spaces.push(HalfSpace { normal, offset, shape });
+                half_spaces.push(HalfSpace { normal, offset, shape: number });
             } else if heights().all(|height| height > 0.0) {
-                half_spaces.push(HalfSpace { normal: -normal, offset: -offset, shape });
+                half_spaces.push(HalfSpace { normal: -normal, offset: -offset, shape: number });
             }
         }
-        Domain { packed, half_spaces, widest }
+        Domain {
+            sheets: shapes.iter().map(Shape::sheet).collect(),
+            bounds: shapes.iter().filter_map(Shape::bounds).collect(),
+            lights,
+            half_spaces,
+            widest: neighbourhood::WIDEST,
+        }
     }
 
     /// Whether light can come to the side of a shape that its own normal points to, or to the other one.
-    pub fn lights_side(&self, shape: usize, front: bool) -> bool {
-        let record = &self.packed.shapes[shape];
-        if record.kind == PLANE {
-            let outward = vector(record.anchor) * if front { 1.0 } else { -1.0 };
-            // All light stays behind a half-space's plane.
-            return !self.half_spaces.iter().any(|h| h.shape == shape && h.normal.dot(outward) > 0.0);
-        }
-        let side = if front { 1.0 } else { -1.0 };
-        let above =
-            |light: &Light| vector(light.position).distance(vector(record.anchor)) / f64::from(record.extent) - 1.0;
-        self.packed.lights.iter().any(|light| side * above(light) > -1e-6) // on the surface is on both sides
+    pub fn is_lit(&self, shape: usize, front: bool) -> bool {
+        self.lights.iter().any(|light| self.sheets[shape].is_lit(*light, front))
     }
 
     /// Whether light can be at a point of a shape's surface.
-    fn reaches(&self, point: DVec3, shape: usize) -> bool {
+    pub fn reaches(&self, point: DVec3, shape: usize) -> bool {
         let slack = 1e-9 * (1.0 + point.abs().max_element()); // a wall's own edge belongs to it
         let inside = |h: &HalfSpace| h.shape == shape || h.normal.dot(point) <= h.offset + slack;
-        let covered = |(i, sphere): (usize, &crate::records::Shape)| {
-            let radius = f64::from(sphere.extent);
-            // A light inside makes a sphere's inside a place like any other.
-            i != shape
-                && point.distance_squared(vector(sphere.anchor)) < radius * radius
-                && !self
-                    .packed
-                    .lights
-                    .iter()
-                    .any(|l| vector(l.position).distance_squared(vector(sphere.anchor)) < radius * radius)
+        // A light inside makes a sphere's inside a place like any other.
+        let covered = |(i, sheet): (usize, &Sheet)| {
+            i != shape && sheet.holds(point) && !self.lights.iter().any(|light| sheet.holds(*light))
         };
-        self.half_spaces.iter().all(inside)
-            && !self.packed.shapes[..self.packed.sphere_count].iter().enumerate().any(covered)
+        self.half_spaces.iter().all(inside) && !self.sheets.iter().enumerate().any(covered)
     }
 }
 
 /// Share of a texel that light reaches; `point` takes its inner coordinates in [0, 1]².
-pub(super) fn reached(domain: &Domain, shape: usize, point: impl Fn(f64, f64) -> DVec3) -> f64 {
+pub fn reached(domain: &Domain, shape: usize, point: impl Fn(f64, f64) -> DVec3) -> f64 {
     let reaches = |x: f64, y: f64| domain.reaches(point(x, y), shape);
     // Corners a hair inside, since walls meet on the borders of charts.
     const NEAR: f64 = 1e-6;

@@ -1,23 +1,23 @@
-//! Charts: how every shape's surface is cut into irradiance texels, and how much area light can reach in each.
+//! Charts: how every object's surface is cut into irradiance texels, and how much area light can reach in each.
 //!
 //! A sphere's chart is octahedral, a plane's is the rectangle around the part of it that light can reach; a plane
 //! without such an end is bent into one, so that memory is bounded whatever the scene's extent and no photon falls
 //! beside its chart. A texel that other surfaces cut counts only the part that light can reach: irradiance is power over that.
 
 mod domain;
+mod flat;
 mod neighbourhood;
-mod plane;
-mod sphere;
+mod round;
 
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 
-use domain::Domain;
 pub use neighbourhood::Neighbourhood;
-use plane::{Axes, plane_chart, plane_texels};
-use sphere::sphere_texels;
 
-use crate::records::packing::Packed;
-use crate::records::{Chart, PLANE};
+use crate::packing::Packed;
+use crate::records::Chart;
+use crate::shapes::Sheet;
+use domain::Domain;
+use flat::Axes;
 
 /// Fewest and most columns of a chart.
 const COLUMNS: (u32, u32) = (4, 1024);
@@ -25,7 +25,7 @@ const COLUMNS: (u32, u32) = (4, 1024);
 /// The charts of a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Charts {
-    /// One for each shape, in the order of shapes.
+    /// By object.
     pub records: Vec<Chart>,
     /// By texel: which texels' photons it counts.
     pub neighbourhoods: Vec<Neighbourhood>,
@@ -33,28 +33,24 @@ pub struct Charts {
     pub inverse_areas: Vec<f32>,
 }
 
-fn vector(v: [f32; 3]) -> DVec3 {
-    DVec3::from(v.map(f64::from))
-}
-
 impl Charts {
-    /// The charts of a packed scene, with about `budget` texels on one side each of all shapes.
+    /// The charts of a packed scene, with about `budget` texels on one side each of all objects.
     pub fn new(packed: &Packed, budget: u32) -> Charts {
         Charts::with_neighbourhoods(packed, budget, neighbourhood::WIDEST)
     }
 
     /// The same with neighbourhoods of at most `widest` texels on each side.
     fn with_neighbourhoods(packed: &Packed, budget: u32, widest: u32) -> Charts {
-        let domain = Domain::new(packed, widest);
+        let domain = Domain { widest, ..Domain::new(packed) };
         let mut charts = Vec::new();
-        for (shape, record) in packed.shapes.iter().enumerate() {
-            let extent = f64::from(record.extent);
-            if record.kind == PLANE {
-                charts.push(plane_chart(&domain, shape, Axes::of(vector(record.anchor), extent)));
-            } else {
-                let size = DVec2::splat((4.0 * std::f64::consts::PI).sqrt() * extent);
-                charts.push(PlacedChart { chart: Chart::default(), size, axes: None });
-            }
+        for (shape, sheet) in domain.sheets.iter().enumerate() {
+            charts.push(match *sheet {
+                Sheet::Flat { normal, offset } => flat::chart(&domain, shape, Axes::of(normal, offset)),
+                Sheet::Round { radius, .. } => {
+                    let size = DVec2::splat((4.0 * std::f64::consts::PI).sqrt() * radius);
+                    PlacedChart { chart: Chart::default(), size, axes: None }
+                }
+            });
         }
         // One length of texel for all of them, but for the shortest and the longest.
         let area: f64 = charts.iter().map(|c| c.size.x * c.size.y).sum();
@@ -71,9 +67,10 @@ impl Charts {
             let chart = &mut placed.chart;
             (chart.first, chart.columns, chart.rows) = (first as f32, across as f32, down as f32);
             first += 2 * across * down;
-            let texels = match &placed.axes {
-                Some(axes) => plane_texels(&domain, shape, axes, chart),
-                None => sphere_texels(&domain, shape, across),
+            let texels = match (domain.sheets[shape], &placed.axes) {
+                (Sheet::Round { center, radius }, _) => round::texels(&domain, shape, (center, radius), across),
+                (Sheet::Flat { .. }, Some(axes)) => flat::texels(&domain, shape, axes, chart),
+                (Sheet::Flat { .. }, None) => unreachable!("flat charts have axes"),
             };
             let inverse = |(texel, own): (usize, &PlacedTexel)| {
                 let area: f64 = own.neighbourhood.texels(texel).map(|i| texels[i].area).sum();
@@ -81,7 +78,7 @@ impl Charts {
             };
             for front in [true, false] {
                 neighbourhoods.extend(texels.iter().map(|texel| texel.neighbourhood));
-                let lit = domain.lights_side(shape, front);
+                let lit = domain.is_lit(shape, front);
                 inverse_areas.extend(texels.iter().enumerate().map(|texel| if lit { inverse(texel) } else { 0.0 }));
             }
         }
@@ -99,21 +96,28 @@ struct PlacedChart {
     chart: Chart,
     /// Metres along its two coordinates, to share out texels by.
     size: DVec2,
-    /// A plane's coordinates; none of a sphere.
+    /// A plane's.
     axes: Option<Axes>,
 }
 
 /// A texel of one side.
 struct PlacedTexel {
-    /// Square metres of it that light reaches.
+    /// That light reaches, m².
     area: f64,
     neighbourhood: Neighbourhood,
 }
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
+    use crate::records::PLANE;
     use crate::scene;
+
+    fn vector(v: [f32; 3]) -> DVec3 {
+        DVec3::from(v.map(f64::from))
+    }
 
     fn charts(name: &str) -> (Packed, Charts) {
         let scene = scene::load(std::path::Path::new(&format!("scenes/{name}.toml"))).expect("a scene of ours");
@@ -174,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn neighbourhoods_stay_in_their_charts_are_wide_in_the_open_and_narrow_at_contacts() {
+    fn windows_stay_in_their_charts_are_wide_in_the_open_and_narrow_at_contacts() {
         for name in ["gi_ref", "color_bleeding", "sphere_and_plane"] {
             let (packed, charts) = charts(name);
             let mut widths = [0; 1 + neighbourhood::WIDEST as usize];

@@ -6,9 +6,7 @@
 
 use glam::DVec3;
 
-use super::vector;
-use crate::records::PLANE;
-use crate::records::packing::Packed;
+use crate::shapes::Sheet;
 
 /// Half-width of a neighbourhood as a share of the distance to the next surface. Measured: see the README.
 const SHARE: f64 = 0.2;
@@ -41,24 +39,19 @@ impl Neighbourhood {
 
 /// How wide the neighbourhood around the texel at (column, row) of a chart may be. `length`: the texel's longer side, metres.
 pub fn half_width(
-    packed: &Packed,
+    sheets: &[Sheet],
     shape: usize,
     point: DVec3,
     length: f64,
     (column, row): (u32, u32),
     (columns, rows): (u32, u32),
 ) -> u32 {
-    let distance = |(number, other): (usize, &crate::records::Shape)| {
-        let (anchor, extent) = (vector(other.anchor), f64::from(other.extent));
-        let distance = if other.kind == PLANE { anchor.dot(point) - extent } else { point.distance(anchor) - extent };
-        if number == shape { f64::INFINITY } else { distance.abs() }
+    let distance = |(number, other): (usize, &Sheet)| {
+        if number == shape { f64::INFINITY } else { other.height(point).abs() }
     };
-    let mut clearance = packed.shapes.iter().enumerate().map(distance).fold(f64::INFINITY, f64::min);
+    let clearance = sheets.iter().enumerate().map(distance).fold(f64::INFINITY, f64::min);
     // Irradiance turns with the normal.
-    let own = &packed.shapes[shape];
-    if own.kind != PLANE {
-        clearance = clearance.min(f64::from(own.extent));
-    }
+    let clearance = clearance.min(sheets[shape].curvature_radius());
     // Evenly to both sides, also beside the chart's border: else the neighbourhood's middle is elsewhere.
     let inside = column.min(row).min(columns - 1 - column).min(rows - 1 - row);
     let wanted = (SHARE * clearance / length).min(f64::from(WIDEST));

@@ -1,4 +1,4 @@
-//! In which directions a light can hit anything: an object is a cap of the sphere of directions, a cell of the emission
+//! In which directions a light can hit anything: a shape is a cap of the sphere of directions, a cell of the emission
 //! map a small cone.
 
 use std::sync::LazyLock;
@@ -6,42 +6,11 @@ use std::sync::LazyLock;
 use glam::DVec3;
 
 use super::{CELLS, COLUMNS_LOG2, ROWS_LOG2};
-use crate::records::packing::Packed;
-use crate::records::{PLANE, Shape};
+use crate::shapes::{Cap, Shapes};
 
-/// Directions from a light in which it can hit an object: those within an angle of an axis.
-pub struct Cap {
-    /// Unit.
-    axis: DVec3,
-    /// Of the angle, at most a right one.
-    sine: f64,
-    cosine: f64,
-}
-
-impl Cap {
-    /// Whether a cell's cone meets the cap: the angle between their axes is less than the sum of their own.
-    pub fn meets(&self, cone: &Cone) -> bool {
-        cone.axis.dot(self.axis) > self.cosine * cone.cosine - self.sine * cone.sine
-    }
-}
-
-/// Where a light can hit something, an object a cap; none where it can everywhere. In doubt, it can.
-pub fn caps(packed: &Packed, light: DVec3) -> Option<Vec<Cap>> {
-    let cap = |shape: &Shape| {
-        let anchor = DVec3::from(shape.anchor.map(f64::from));
-        let extent = f64::from(shape.extent);
-        if shape.kind == PLANE {
-            let distance = extent - anchor.dot(light);
-            // 1e-5 of the numbers that cancel: float32 resolves them to 1e-7.
-            let is_beside = distance.abs() > 1e-5 * (light.abs().dot(anchor.abs()) + extent.abs());
-            is_beside.then(|| Cap { axis: (anchor * distance.signum()).normalize(), sine: 1.0, cosine: 0.0 })
-        } else {
-            let distance = (anchor - light).length();
-            let sine = extent * (1.0 + 1e-5) / distance; // not below 1 within it
-            (sine < 1.0).then(|| Cap { axis: (anchor - light) / distance, sine, cosine: (1.0 - sine * sine).sqrt() })
-        }
-    };
-    packed.shapes.iter().map(cap).collect()
+/// Where a light can hit something, a shape a cap; none where it can everywhere. In doubt, it can.
+pub fn caps(shapes: &Shapes, light: DVec3) -> Option<Vec<Cap>> {
+    shapes.iter().map(|shape| shape.cap(light)).collect()
 }
 
 /// A cone around a direction.
@@ -51,6 +20,13 @@ pub struct Cone {
     /// Of half of its opening angle.
     sine: f64,
     cosine: f64,
+}
+
+impl Cone {
+    /// Whether it meets a cap: the angle between their axes is less than the sum of their own.
+    pub fn meets(&self, cap: &Cap) -> bool {
+        self.axis.dot(cap.axis) > cap.cosine * self.cosine - cap.sine * self.sine
+    }
 }
 
 /// A cone around each cell.

@@ -5,14 +5,15 @@ use std::sync::LazyLock;
 use glam::{DVec3, Vec3};
 
 use crate::error::{Error, Result};
-use crate::records::packing::Packed;
-use crate::records::{Emitter, Light, PLANE, Shape};
+use crate::packing::Packed;
+use crate::records::{Emitter, Light};
 pub use crate::settings::{Amount, Sampler};
 use crate::settings::{LightMode, Pass, Settings};
+use crate::shapes::{Cap, Shape, Shapes};
 
 mod caps;
 
-use caps::{Cap, caps, cones};
+use caps::{caps, cones};
 
 /// What one pass emits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -82,7 +83,8 @@ impl EmissionPlan {
     /// # Errors
     /// [`Error::Usage`] for more lights than slots can name.
     pub fn new(packed: &Packed) -> Result<EmissionPlan> {
-        EmissionPlan::with_cells(packed, |light| caps(packed, light))
+        let shapes = Shapes::unpacked(&packed.shapes);
+        EmissionPlan::with_cells(packed, |light| caps(&shapes, light))
     }
 
     /// The plan that suits what is stored.
@@ -109,13 +111,15 @@ impl EmissionPlan {
     /// Divides cells into parts, by what their light is worth.
     fn weigh(&mut self, packed: &Packed) {
         let kept = std::mem::take(&mut self.cells);
+        let shapes = Shapes::unpacked(&packed.shapes);
+        let shapes: Vec<&dyn Shape> = shapes.iter().collect();
         for (light, counts) in self.counts.iter_mut().enumerate() {
             let own = &kept[counts[1] as usize..(counts[1] + counts[2]) as usize];
             let cells = own.iter().map(|entry| entry & (CELLS as u32 - 1));
             let position = DVec3::from(packed.lights[light].position.map(f64::from));
             // The variance of a sum of what is mostly nothing is least where directions are chosen by the root of how
             // often it is something (Rubinstein 1981, on importance sampling).
-            let worths: Vec<f64> = cells.clone().map(|cell| worth(packed, position, cell).sqrt()).collect();
+            let worths: Vec<f64> = cells.clone().map(|cell| worth(packed, &shapes, position, cell).sqrt()).collect();
             let mean = worths.iter().sum::<f64>() / worths.len().max(1) as f64;
             counts[1] = self.cells.len() as u32;
             for (cell, worth) in cells.zip(&worths) {
@@ -152,7 +156,7 @@ impl EmissionPlan {
             let caps = caps(position);
             let kept = |cell: &u32| {
                 let cone = &cones()[*cell as usize];
-                caps.as_ref().is_none_or(|caps| caps.iter().any(|cap| cap.meets(cone)))
+                caps.as_ref().is_none_or(|caps| caps.iter().any(|cap| cone.meets(cap)))
             };
             plan.cells.extend((0..CELLS as u32).filter(kept).map(|cell| entry(cell, 1, 0)));
             let kept = plan.cells.len() - first;
@@ -278,24 +282,22 @@ const PARTS: f64 = 4.0;
 
 /// Of the light that leaves through a cell, how much meets another surface after the first one: from the cell's axis,
 /// for diffuse and mirrored directions alike.
-fn worth(packed: &Packed, light: DVec3, cell: u32) -> f64 {
+fn worth(packed: &Packed, shapes: &[&dyn Shape], light: DVec3, cell: u32) -> f64 {
     let axis = cones()[cell as usize].axis;
-    let Some((shape, point)) = nearest(packed, light, axis, None) else { return 0.0 };
-    let (hit, material) = (&packed.shapes[shape], packed.material_of(shape));
-    let anchor = DVec3::from(hit.anchor.map(f64::from));
-    let normal = if hit.kind == PLANE { anchor } else { (point - anchor).normalize() };
+    let Some((shape, point)) = nearest(shapes, light, axis) else { return 0.0 };
+    let (normal, material) = (shapes[shape].sheet().normal(point), packed.material_of(shape));
     let normal = if normal.dot(axis) > 0.0 { -normal } else { normal };
     let albedo = f64::from(material.color.iter().copied().fold(0.0, f32::max) * material.diffuse);
     // Directions of density cos/π: the normal plus points of the unit sphere.
-    let directions = directions(packed.shapes.len());
+    let directions = directions(shapes.len());
     let goes_on = directions.iter().filter(|on_sphere| {
         let direction = normal + **on_sphere;
-        meets(packed, point, direction.normalize_or(normal), Some(shape))
+        meets(shapes, point, direction.normalize_or(normal), Some(shape))
     });
     let diffuse = albedo * goes_on.count() as f64 / directions.len() as f64;
     let mirrored = axis - normal * (2.0 * axis.dot(normal));
     let glossy = f64::from(material.specular);
-    diffuse + if glossy > 0.0 && meets(packed, point, mirrored, Some(shape)) { glossy } else { 0.0 }
+    diffuse + if glossy > 0.0 && meets(shapes, point, mirrored, Some(shape)) { glossy } else { 0.0 }
 }
 
 /// Point `i` of `count` on the unit sphere, on a spiral (Vogel 1979).
@@ -309,8 +311,10 @@ fn on_sphere(i: u32, count: u32) -> DVec3 {
 /// Whether light of every lamp meets something in each of many directions. A guess, but a quick one.
 pub fn is_closed(packed: &Packed) -> bool {
     const LOOKED_AT: u32 = 256;
+    let shapes = Shapes::unpacked(&packed.shapes);
+    let shapes: Vec<&dyn Shape> = shapes.iter().collect();
     let meets = |light: &Light, i: u32| {
-        meets(packed, DVec3::from(light.position.map(f64::from)), on_sphere(i, LOOKED_AT), None)
+        meets(&shapes, DVec3::from(light.position.map(f64::from)), on_sphere(i, LOOKED_AT), None)
     };
     packed.lights.iter().all(|light| (0..LOOKED_AT).all(|i| meets(light, i)))
 }
@@ -329,34 +333,17 @@ fn directions(shapes: usize) -> &'static [DVec3] {
     &POINTS[count.max(8) as usize]
 }
 
-/// The first object along a ray that starts on `origin_on`, and where; for estimates only.
-fn nearest(packed: &Packed, origin: DVec3, direction: DVec3, origin_on: Option<usize>) -> Option<(usize, DVec3)> {
-    let hits = packed.shapes.iter().enumerate().filter_map(|(number, shape)| {
-        distance(shape, origin, direction, origin_on == Some(number)).map(|distance| (number, distance))
-    });
+/// The first shape along a ray, and where; for estimates only.
+fn nearest(shapes: &[&dyn Shape], origin: DVec3, direction: DVec3) -> Option<(usize, DVec3)> {
+    let hits = shapes.iter().enumerate();
+    let hits = hits.filter_map(|(number, shape)| Some((number, shape.distance(origin, direction, false)?)));
     hits.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(number, distance)| (number, origin + direction * distance))
 }
 
-/// Whether there is any. Planes, which come last, are what is hit most often.
-fn meets(packed: &Packed, origin: DVec3, direction: DVec3, origin_on: Option<usize>) -> bool {
-    let mut shapes = packed.shapes.iter().enumerate().rev();
-    shapes.any(|(number, shape)| distance(shape, origin, direction, origin_on == Some(number)).is_some())
-}
-
-/// How far along a ray an object is, where it is hit; `own`: the ray starts on it.
-fn distance(shape: &Shape, origin: DVec3, direction: DVec3, own: bool) -> Option<f64> {
-    let anchor = DVec3::from(shape.anchor.map(f64::from));
-    let extent = f64::from(shape.extent);
-    let distance = if shape.kind == PLANE {
-        if own { f64::NAN } else { (extent - anchor.dot(origin)) / anchor.dot(direction) }
-    } else {
-        let approach = (anchor - origin).dot(direction);
-        let half_chord = (extent * extent - (origin + direction * approach - anchor).length_squared()).sqrt();
-        let entry = approach - half_chord; // NaN where the ray misses
-        if own || entry <= 0.0 { approach + half_chord } else { entry }
-    };
-    // Outwards from a sphere its far side is where the ray starts.
-    (distance > if own { 1e-6 * extent } else { 0.0 } && distance.is_finite()).then_some(distance)
+/// Whether there is any along a ray that starts on `origin_on`. Planes, which come last, are what is hit most often.
+fn meets(shapes: &[&dyn Shape], origin: DVec3, direction: DVec3, origin_on: Option<usize>) -> bool {
+    let mut shapes = shapes.iter().enumerate().rev();
+    shapes.any(|(number, shape)| shape.distance(origin, direction, origin_on == Some(number)).is_some())
 }
 
 #[cfg(test)]
@@ -370,11 +357,13 @@ mod tests {
             let scene = crate::scene::load(std::path::Path::new(&format!("scenes/{name}.toml"))).expect("ours");
             let packed = Packed::new(&scene, scene.camera.position);
             let light = DVec3::from(packed.lights[0].position.map(f64::from));
-            let caps = caps(&packed, light).expect("the light lies in no object");
+            let shapes = Shapes::unpacked(&packed.shapes);
+            let caps = caps(&shapes, light).expect("the light lies in no object");
+            let shapes: Vec<&dyn Shape> = shapes.iter().collect();
             let (mut hit, mut kept) = (0, 0);
             for cell in cones() {
-                let is_kept = caps.iter().any(|cap| cap.meets(cell));
-                let is_hit = meets(&packed, light, cell.axis, None);
+                let is_kept = caps.iter().any(|cap| cell.meets(cap));
+                let is_hit = meets(&shapes, light, cell.axis, None);
                 assert!(is_kept || !is_hit, "{name}: {:?}", cell.axis);
                 (hit, kept) = (hit + usize::from(is_hit), kept + usize::from(is_kept));
             }

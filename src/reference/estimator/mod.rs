@@ -8,8 +8,8 @@
 use glam::DVec3;
 
 use super::bsdf::Bsdf;
-use super::geometry::Surfaces;
 use super::sampler::{Dimensions, Sampler};
+use super::shapes::Surfaces;
 use super::technique::Technique;
 use crate::scene::Scene;
 
@@ -79,7 +79,6 @@ pub(super) struct Scratch {
 /// A scene made ready, with the estimator to use.
 pub(super) struct Estimator {
     surfaces: Surfaces,
-    sphere_count: usize,
     bsdfs: Vec<Bsdf>,
     lights: Vec<Light>,
     view: View,
@@ -88,7 +87,7 @@ pub(super) struct Estimator {
 
 impl Estimator {
     pub fn new(scene: &Scene, size: (u32, u32), technique: Technique) -> Self {
-        let flux: f64 = scene.lights.iter().map(|l| l.intensity.element_sum()).sum();
+        let flux: f64 = scene.lights.points.iter().map(|l| l.intensity.element_sum()).sum();
         let camera = &scene.camera;
         let forward = (camera.look_at - camera.position).normalize();
         let right = forward.cross(camera.up).normalize();
@@ -96,10 +95,10 @@ impl Estimator {
         let half_width = half_height * f64::from(size.0) / f64::from(size.1);
         Self {
             surfaces: Surfaces::new(scene),
-            sphere_count: scene.spheres.len(),
             bsdfs: scene.materials.iter().map(Bsdf::new).collect(),
             lights: scene
                 .lights
+                .points
                 .iter()
                 .filter(|l| l.intensity.max_element() > 0.0)
                 .map(|l| Light {

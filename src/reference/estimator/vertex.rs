@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::Estimator;
-use crate::reference::geometry::{Hit, SurfaceId};
+use crate::reference::shapes::{Hit, SurfaceId};
 
 /// A vertex of either path, seen from the vertex before it.
 #[derive(Clone, Copy)]
@@ -41,7 +41,7 @@ impl Estimator {
             throughput,
             surface: hit.surface,
             material: hit.material,
-            inside: !outward && hit.surface < self.sphere_count,
+            inside: !outward && hit.is_solid,
             pdf: 0.0,
             pdf_reverse: 0.0,
             to_previous: 0.0,

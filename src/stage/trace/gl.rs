@@ -9,11 +9,11 @@ use super::{FinalPass, Indirect, Pause, Permutation, Trace, check_count, out_of_
 use crate::device::gl::{Functions, Program, Target};
 use crate::error::Result;
 use crate::film::Image;
+use crate::packing::packed_scene::PackedScene;
 use crate::program::features::Features;
 use crate::program::gathering::Gathering;
 use crate::program::source::{Options, Source, assemble};
 use crate::records::Frame;
-use crate::records::packed_scene::PackedScene;
 use crate::stage::irradiance::IrradianceView;
 use crate::stage::map::MapView;
 use crate::stage::photon_textures::PhotonTextures;

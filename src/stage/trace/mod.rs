@@ -15,10 +15,10 @@ use super::irradiance::IrradianceView;
 use super::map::MapView;
 use crate::error::{Error, Result};
 use crate::film::Image;
+use crate::packing::Packed;
+use crate::packing::packed_scene::PackedScene;
 use crate::program::features::Features;
 use crate::program::gathering::Gathering;
-use crate::records::packed_scene::PackedScene;
-use crate::records::packing::Packed;
 use crate::records::{Frame, LitPoint, MAX_EXACT_INDEX, SiteLattice};
 
 /// What is compiled for a picture: the scene's features and, with photons, how they are gathered.

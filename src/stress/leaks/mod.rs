@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::lab::{Answer, Task};
 use super::{Bench, Found, Progress, Row, Spread, Suite};
 use crate::error::Result;
-use crate::records::packing::Packed;
+use crate::packing::Packed;
 use crate::scene::{Scene, parse};
 use crate::settings::Backend;
 
@@ -111,16 +111,8 @@ impl Case {
         let mut scene = room(with_spheres)?;
         let by = DVec3::new(1.0, -0.7, 0.4).normalize() * offset;
         let placed = |p: DVec3| p * scale + by;
-        for light in &mut scene.lights {
-            light.position = placed(light.position);
-        }
-        for sphere in &mut scene.spheres {
-            sphere.center = placed(sphere.center);
-            sphere.radius *= scale;
-        }
-        for plane in &mut scene.planes {
-            plane.offset = plane.offset * scale + plane.normal.dot(by);
-        }
+        scene.lights.place(scale, by);
+        scene.shapes.place(scale, by);
         let origin = placed(scene.camera.position + DVec3::new(-0.6, 0.5, 0.7).normalize() * 2.0 * away);
         let packed = Packed::new(&scene, origin);
         let [low, high] = [-HALF, HALF].map(|corner| (placed(corner) - origin).as_vec3());

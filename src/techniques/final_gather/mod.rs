@@ -7,10 +7,10 @@ use std::rc::Rc;
 
 use super::{Made, Place, Row, Stages, Task, Wish};
 use crate::error::Result;
+use crate::packing::Packed;
 use crate::program::features::Features;
 use crate::rays::emission::{Emission, is_closed};
 use crate::rays::scene::SceneTables;
-use crate::records::packing::Packed;
 use crate::records::table_sets::{CHARTS, FINAL_GATHER, SITES};
 use crate::scene::Scene;
 use crate::settings::{Amount, FinalGather, LightMode, Settings, Technique, TechniqueKind};

@@ -1,17 +1,18 @@
-//! Charts of planes: the rectangle around the part that light can reach, or a bent one where that has no end.
+//! Charts of flat sheets: the rectangle around what light can reach, or a bent one about the scene.
 
 use glam::{DVec2, DVec3};
 
 use super::domain::{Domain, reached};
-use super::{Neighbourhood, PlacedChart, PlacedTexel, neighbourhood, vector};
+use super::neighbourhood::{self, Neighbourhood};
+use super::{PlacedChart, PlacedTexel};
 use crate::records::Chart;
 
 /// A plane's coordinates.
-pub(super) struct Axes {
-    u: DVec3,
-    v: DVec3,
+pub struct Axes {
+    pub u: DVec3,
+    pub v: DVec3,
     /// Any point of the plane.
-    origin: DVec3,
+    pub origin: DVec3,
 }
 
 impl Axes {
@@ -56,14 +57,12 @@ fn clip(polygon: &[DVec2], normal: DVec2, offset: f64) -> Vec<DVec2> {
 }
 
 /// Where a plane's chart lies: the box around what the half-spaces leave of it, else a bent one about the scene.
-pub(super) fn plane_chart(domain: &Domain, shape: usize, axes: Axes) -> PlacedChart {
-    let packed = domain.packed;
+pub fn chart(domain: &Domain, shape: usize, axes: Axes) -> PlacedChart {
     // What the plane's light comes from or bounces off, seen along the normal.
-    let spheres = packed.shapes[..packed.sphere_count].iter().map(|s| (vector(s.anchor), f64::from(s.extent)));
-    let lights = packed.lights.iter().map(|l| (vector(l.position), 0.0));
+    let lights = domain.lights.iter().map(|light| (*light, 0.0));
     let normal = axes.u.cross(axes.v);
     let mut near: Vec<(DVec2, f64)> = Vec::new();
-    for (center, radius) in spheres.chain(lights) {
+    for (center, radius) in domain.bounds.iter().copied().chain(lights) {
         let from = center - axes.origin;
         near.push((DVec2::new(from.dot(axes.u), from.dot(axes.v)), from.dot(normal).abs() + radius));
     }
@@ -102,7 +101,7 @@ pub(super) fn plane_chart(domain: &Domain, shape: usize, axes: Axes) -> PlacedCh
 }
 
 /// A plane's texels. `axes` are those of the chart.
-pub(super) fn plane_texels(domain: &Domain, shape: usize, axes: &Axes, chart: &Chart) -> Vec<PlacedTexel> {
+pub fn texels(domain: &Domain, shape: usize, axes: &Axes, chart: &Chart) -> Vec<PlacedTexel> {
     let (columns, rows) = (chart.columns as u32, chart.rows as u32);
     let straight = |x: f64| if chart.bend > 0.0 { unbend(x) } else { x };
     let (unit_u, unit_v) = (axes.u.length(), axes.v.length());
@@ -117,7 +116,7 @@ pub(super) fn plane_texels(domain: &Domain, shape: usize, axes: &Axes, chart: &C
             let area = if area.is_finite() { area * reached(domain, shape, point) } else { 0.0 };
             let (place, size) = ((column, row), (columns, rows));
             let half_width =
-                neighbourhood::half_width(domain.packed, shape, point(0.5, 0.5), across.max(down), place, size);
+                neighbourhood::half_width(&domain.sheets, shape, point(0.5, 0.5), across.max(down), place, size);
             let neighbourhood = Neighbourhood { half_width: half_width.min(domain.widest), stride: columns };
             texels.push(PlacedTexel { area, neighbourhood });
         }

@@ -1,14 +1,13 @@
-//! Charts of spheres: octahedral, every texel about as large as the others.
+//! Charts of round sheets: octahedral.
 
 use glam::DVec3;
 
+use super::PlacedTexel;
 use super::domain::{Domain, reached};
-use super::{Neighbourhood, PlacedTexel, neighbourhood, vector};
+use super::neighbourhood::{self, Neighbourhood};
 
 /// A sphere's texels.
-pub(super) fn sphere_texels(domain: &Domain, shape: usize, columns: u32) -> Vec<PlacedTexel> {
-    let sphere = &domain.packed.shapes[shape];
-    let (center, radius) = (vector(sphere.anchor), f64::from(sphere.extent));
+pub fn texels(domain: &Domain, shape: usize, (center, radius): (DVec3, f64), columns: u32) -> Vec<PlacedTexel> {
     let mut texels = Vec::with_capacity((columns * columns) as usize);
     for row in 0..columns {
         for column in 0..columns {
@@ -27,7 +26,7 @@ pub(super) fn sphere_texels(domain: &Domain, shape: usize, columns: u32) -> Vec<
             let point = |x: f64, y: f64| center + direction(x, y) * radius;
             let whole = solid_angle * radius * radius;
             let (place, size, length) = ((column, row), (columns, columns), whole.sqrt());
-            let half_width = neighbourhood::half_width(domain.packed, shape, point(0.5, 0.5), length, place, size);
+            let half_width = neighbourhood::half_width(&domain.sheets, shape, point(0.5, 0.5), length, place, size);
             let neighbourhood = Neighbourhood { half_width: half_width.min(domain.widest), stride: columns };
             texels.push(PlacedTexel { area: whole * reached(domain, shape, point), neighbourhood });
         }

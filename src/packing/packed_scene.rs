@@ -4,7 +4,7 @@ use std::ops::Deref;
 use std::rc::Rc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use super::packing::Packed;
+use super::Packed;
 
 /// Generations so far, of all scenes of this process: none has another one's.
 static GENERATIONS: AtomicU64 = AtomicU64::new(0);

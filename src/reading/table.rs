@@ -11,11 +11,13 @@ use super::error::{Position, SceneError, near};
 use crate::settings::Choice;
 
 /// Result of reading one thing from a scene file.
-pub(super) type Read<T> = Result<T, Box<SceneError>>;
+pub type Read<T> = Result<T, Box<SceneError>>;
 
 /// The text being read, and the name under which errors speak of it.
-pub(super) struct Text<'a> {
+pub struct Text<'a> {
+    /// All of it.
     pub text: &'a str,
+    /// As the user named it.
     pub file: &'a str,
 }
 
@@ -51,7 +53,7 @@ impl Text<'_> {
 }
 
 /// The numbers that a key accepts. NaN and the infinities never hold.
-pub(super) struct Rule {
+pub struct Rule {
     /// Whether a finite number is accepted.
     pub holds: fn(f64) -> bool,
     /// The same in words, after "expected".
@@ -59,11 +61,14 @@ pub(super) struct Rule {
 }
 
 /// A table of the file, and how its messages call it: `[camera]`, `[[spheres]]`.
-pub(super) struct Table<'a> {
+pub struct Table<'a> {
+    /// What it is a part of.
     pub text: &'a Text<'a>,
+    /// `[camera]`, `[[spheres]]`.
     pub title: Cow<'a, str>,
     /// Byte where its header (or its brace) stands.
     pub at: usize,
+    /// By key.
     pub entries: &'a DeTable<'a>,
 }
 
@@ -104,11 +109,24 @@ impl<'a> Table<'a> {
     pub fn number_or(&self, key: &'static str, rule: &Rule, default: f64) -> Read<f64> {
         self.get(key).map_or(Ok(default), |field| field.number(rule))
     }
+
+    /// Reads every table of the array of tables `key`, each called `title`; an absent one is empty.
+    pub fn list<T>(
+        &self,
+        key: &'static str,
+        title: &'static str,
+        mut read: impl FnMut(&Table<'a>) -> Read<T>,
+    ) -> Read<Vec<T>> {
+        match self.get(key) {
+            Some(field) => field.tables(title)?.map(|table| read(&table?)).collect(),
+            None => Ok(Vec::new()),
+        }
+    }
 }
 
 /// A value of the file, and the name that its messages use: `radius`, `center[1]`.
 #[derive(Clone, Copy)]
-pub(super) struct Field<'a> {
+pub struct Field<'a> {
     text: &'a Text<'a>,
     key: &'static str,
     /// Which element of an array it is. Kept apart from the key, because an allocation for each of the numbers of
@@ -190,16 +208,21 @@ impl<'a> Field<'a> {
         }
     }
 
+    /// One of a few words.
+    pub fn word(&self, words: &[&'static str]) -> Read<&'static str> {
+        let expected = format!("one of \"{}\"", words.join("\", \""));
+        let found = self.string(&expected)?;
+        words.iter().find(|word| **word == found).copied().ok_or_else(|| {
+            let mut error = self.wrong(expected);
+            error.did_you_mean = near(found, words.iter().copied());
+            error
+        })
+    }
+
     /// One of the ways that users can name.
     pub fn choice<T: Choice>(&self) -> Read<T> {
         let names: Vec<_> = T::offered().map(|row| row.name).collect();
-        let expected = format!("one of \"{}\"", names.join("\", \""));
-        let word = self.string(&expected)?;
-        T::named(word).ok_or_else(|| {
-            let mut error = self.wrong(expected);
-            error.did_you_mean = near(word, names.iter().copied());
-            error
-        })
+        Ok(T::named(self.word(&names)?).expect("one of its own names"))
     }
 
     /// An array of exactly `N` values; `expected` shows how it is written.

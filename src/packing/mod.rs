@@ -1,10 +1,14 @@
 //! From a scene in double precision to float32 records, recentred so that float32's digits are spent near the camera.
 
+pub mod packed_scene;
+
 use std::cell::Cell;
 
 use glam::DVec3;
 
-use crate::records::{Frame, LIGHTS_IN_UNIFORMS, Light, Material, PLANE, Record, SHAPES_IN_UNIFORMS, SPHERE, Shape};
+use crate::lights::Light;
+use crate::materials::Material;
+use crate::records::{self, Frame, LIGHTS_IN_UNIFORMS, Record, SHAPES_IN_UNIFORMS};
 use crate::scene::{Camera, Scene};
 use crate::settings::{Pass, Settings};
 
@@ -24,13 +28,13 @@ pub struct Packed {
     /// World position of scene space's origin.
     pub origin: DVec3,
     /// Spheres first, then planes.
-    pub shapes: Vec<Shape>,
+    pub shapes: Vec<records::Shape>,
     /// One for each shape in their order, or, where shapes are many, each of the scene's once.
-    pub materials: Vec<Material>,
+    pub materials: Vec<records::Material>,
     /// How many of the shapes are spheres.
     pub sphere_count: usize,
     /// In the file's order.
-    pub lights: Vec<Light>,
+    pub lights: Vec<records::Light>,
 }
 
 /// Shapes from which on materials are shared: a row of its own for each of them would take more memory than an index
@@ -39,7 +43,7 @@ pub const MANY_SHAPES: usize = 4096;
 
 /// Whether shapes name the scene's materials by an index, rather than having a row each in their order.
 pub fn shares_materials(scene: &Scene) -> bool {
-    scene.spheres.len() + scene.planes.len() > MANY_SHAPES
+    scene.shapes.len() > MANY_SHAPES
 }
 
 impl Packed {
@@ -49,69 +53,43 @@ impl Packed {
     /// own numbers had lost already.
     pub fn new(scene: &Scene, origin: DVec3) -> Packed {
         PACKINGS.set(PACKINGS.get() + 1);
-        // A row for each shape, in their order, as long as they are few: then nobody has to fetch an index.
-        let used = scene.spheres.iter().map(|s| s.material).chain(scene.planes.iter().map(|p| p.material));
         let shared = shares_materials(scene);
-        let rows: Vec<usize> = if shared { (0..scene.materials.len()).collect() } else { used.clone().collect() };
-        let shape = |(number, material), anchor: [f32; 3], extent: f64, kind: f32| Shape {
-            anchor,
-            extent: extent as f32,
-            material: if shared { material as f32 } else { number as f32 },
-            kind,
-        };
-        let mut numbered = used.enumerate();
-        let mut next = || numbered.next().expect("a material a shape");
-        let mut shapes = Vec::new();
-        for sphere in &scene.spheres {
-            shapes.push(shape(next(), (sphere.center - origin).as_vec3().to_array(), sphere.radius, SPHERE));
-        }
         // Normals towards the lights: nearly always all of them, and the camera, are on one side (see
         // `Features::two_sided`).
-        for plane in &scene.planes {
-            let away = scene.lights.first().is_some_and(|light| plane.normal.dot(light.position) < plane.offset);
-            let facing = if away { -1.0 } else { 1.0 };
-            let offset = facing * (plane.offset - plane.normal.dot(origin));
-            shapes.push(shape(next(), (plane.normal * facing).as_vec3().to_array(), offset, PLANE));
-        }
-        let material = |row: &usize| {
-            let material = &scene.materials[*row];
-            Material {
-                color: material.color.as_vec3().to_array(),
-                diffuse: material.diffuse as f32,
-                specular: material.specular as f32,
-                roughness: material.roughness as f32,
-                ambient: material.ambient as f32,
-                transmission: material.transmission as f32,
-                ior: material.ior as f32,
-            }
+        let first = scene.lights.iter().next().map(Light::origin);
+        let mut shapes: Vec<_> = scene
+            .shapes
+            .iter()
+            .map(|shape| shape.pack(origin, first.map_or(1.0, |light| shape.facing(light))))
+            .collect();
+        // A row for each shape, in their order, as long as they are few: then nobody has to fetch an index.
+        let materials = match shared {
+            true => scene.materials.iter().map(Material::pack).collect(),
+            false => scene.shapes.iter().map(|shape| scene.materials[shape.material()].pack()).collect(),
         };
+        if !shared {
+            shapes.iter_mut().enumerate().for_each(|(number, shape)| shape.material = number as f32);
+        }
         Packed {
             origin,
             shapes,
-            materials: rows.iter().map(material).collect(),
-            sphere_count: scene.spheres.len(),
-            lights: scene
-                .lights
-                .iter()
-                .map(|light| Light {
-                    position: (light.position - origin).as_vec3().to_array(),
-                    intensity: light.intensity.as_vec3().to_array(),
-                })
-                .collect(),
+            materials,
+            sphere_count: scene.shapes.spheres.len(),
+            lights: scene.lights.iter().map(|light| light.pack(origin)).collect(),
         }
     }
 
     /// The material of a shape.
-    pub fn material_of(&self, shape: usize) -> &Material {
+    pub fn material_of(&self, shape: usize) -> &records::Material {
         &self.materials[self.shapes[shape].material as usize]
     }
 
     /// The tables that programs read, by name: [`crate::records::table_sets::PACKED`].
     pub fn tables(&self) -> [(&'static str, &[f32]); 3] {
         [
-            (Shape::TABLE, bytemuck::cast_slice(&self.shapes)),
-            (Material::TABLE, bytemuck::cast_slice(&self.materials)),
-            (Light::TABLE, bytemuck::cast_slice(&self.lights)),
+            (records::Shape::TABLE, bytemuck::cast_slice(&self.shapes)),
+            (records::Material::TABLE, bytemuck::cast_slice(&self.materials)),
+            (records::Light::TABLE, bytemuck::cast_slice(&self.lights)),
         ]
     }
 

@@ -13,7 +13,7 @@ pub struct Position {
 
 impl Position {
     /// Line and column of the byte `offset` in `text`; the end where `offset` is past it.
-    pub(super) fn of(text: &str, offset: usize) -> Position {
+    pub fn of(text: &str, offset: usize) -> Position {
         let boundary = (0..=offset.min(text.len())).rev().find(|&at| text.is_char_boundary(at));
         let before = &text[..boundary.unwrap_or(0)];
         let start_of_line = before.rfind('\n').map_or(0, |newline| newline + 1);
