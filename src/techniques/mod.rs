@@ -83,8 +83,11 @@ pub struct Bias {
     /// Adds pass `index`, made with this gather radius.
     pub add: fn(&mut [f64], index: u64, radius: f32, image: &Image),
     /// Of each pixel of a mean of so many passes; empty where it cannot be told.
-    pub estimate: fn(&[f64], mean: &[DVec3], passes: u64, size: (u32, u32)) -> Vec<DVec3>,
+    pub estimate: EstimateBias,
 }
+
+/// From the sums, and the mean of so many passes with so many pixels across and down: the bias of each pixel.
+pub type EstimateBias = fn(sums: &[f64], mean: &[DVec3], passes: u64, size: (u32, u32)) -> Vec<DVec3>;
 
 /// A machine for stages that run in OpenCL or by the twins.
 pub enum Place {
