@@ -52,7 +52,7 @@ __kernel void irradiance_splat(WALK_PARAMS uint runs, float quanta_per_watt, __g
 }
 
 // inverse_areas: of windows, 1/m², 0 for texels that nothing reaches; windows: columns of the chart << 8 | half-width of
-// the window, texels (window.rs); texels: packed triples. All quanta together fit into 32 bits.
+// the window, texels (neighbourhood.rs); texels: packed triples. All quanta together fit into 32 bits.
 __kernel void irradiance_resolve(__global const uint *sums, __global const float *inverse_areas,
                                  __global const uint *windows, float watts_per_quantum, __global float *texels, uint count) {
     uint texel = (uint)get_global_id(0);

@@ -28,7 +28,7 @@ use crate::stage::times::{Stopwatch, Times};
 use crate::stage::trace::{Permutation, Trace};
 
 pub use final_gather::Usual;
-pub use wish::{Kind, Wish, default_technique};
+pub use wish::{Wish, default_technique};
 
 /// What a technique says of itself.
 pub struct Row {

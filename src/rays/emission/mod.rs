@@ -62,7 +62,7 @@ pub fn entry(cell: u32, parts: u32, part: u32) -> u32 {
 /// The lights' shares of the paths. A round of `1 << slots_log2` paths serves each light in proportion to the flux
 /// that can hit something, in an order in which any part of a round is as well shared as it can be.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Plan {
+pub struct EmissionPlan {
     /// Paths of a round, as a power of two.
     pub slots_log2: u32,
     /// By slot: light `<< slots_log2` | rank of the slot among the light's own.
@@ -77,31 +77,31 @@ pub struct Plan {
     lights: Vec<([f32; 3], DVec3)>,
 }
 
-impl Plan {
+impl EmissionPlan {
     /// For a packed scene.
     ///
     /// # Errors
     /// [`Error::Usage`] for more lights than slots can name.
-    pub fn new(packed: &Packed) -> Result<Plan> {
+    pub fn new(packed: &Packed) -> Result<EmissionPlan> {
         let shapes = Shapes::unpacked(&packed.shapes);
-        Plan::with_cells(packed, |light| caps(&shapes, light))
+        EmissionPlan::with_cells(packed, |light| caps(&shapes, light))
     }
 
     /// The plan that suits what is stored.
     ///
     /// # Errors
-    /// As [`Plan::new`].
-    pub fn of(packed: &Packed, store_direct: bool) -> Result<Plan> {
-        if store_direct { Plan::new(packed) } else { Plan::indirect(packed) }
+    /// As [`EmissionPlan::new`].
+    pub fn of(packed: &Packed, store_direct: bool) -> Result<EmissionPlan> {
+        if store_direct { EmissionPlan::new(packed) } else { EmissionPlan::indirect(packed) }
     }
 
     /// The same where photons straight from the light are not stored: directions get more paths where their light
     /// goes on to another surface. In a room, where it does so everywhere, that changes nothing.
     ///
     /// # Errors
-    /// As [`Plan::new`].
-    pub fn indirect(packed: &Packed) -> Result<Plan> {
-        let mut plan = Plan::new(packed)?;
+    /// As [`EmissionPlan::new`].
+    pub fn indirect(packed: &Packed) -> Result<EmissionPlan> {
+        let mut plan = EmissionPlan::new(packed)?;
         if !plan.cells.is_empty() {
             plan.weigh(packed);
         }
@@ -134,12 +134,12 @@ impl Plan {
     /// For a packed scene, without the map: paths leave in all directions.
     ///
     /// # Errors
-    /// As [`Plan::new`].
-    pub fn whole_sphere(packed: &Packed) -> Result<Plan> {
-        Plan::with_cells(packed, |_| None)
+    /// As [`EmissionPlan::new`].
+    pub fn whole_sphere(packed: &Packed) -> Result<EmissionPlan> {
+        EmissionPlan::with_cells(packed, |_| None)
     }
 
-    fn with_cells(packed: &Packed, caps: impl Fn(DVec3) -> Option<Vec<Cap>>) -> Result<Plan> {
+    fn with_cells(packed: &Packed, caps: impl Fn(DVec3) -> Option<Vec<Cap>>) -> Result<EmissionPlan> {
         let lights = packed.lights.len();
         // Four slots a light at least, so that a share is off by an eighth at most; the power of a path makes up for it.
         let slots_log2 = (4 * lights).next_power_of_two().trailing_zeros().max(12);
@@ -147,7 +147,7 @@ impl Plan {
             return Err(Error::Usage(format!("{lights} lights: at most 32768 can emit photons")));
         }
         let mut plan =
-            Plan { slots_log2, slots: Vec::new(), counts: Vec::new(), cells: Vec::new(), lights: Vec::new() };
+            EmissionPlan { slots_log2, slots: Vec::new(), counts: Vec::new(), cells: Vec::new(), lights: Vec::new() };
         // Directions first: flux that can hit nothing gets no paths.
         for light in &packed.lights {
             let first = plan.cells.len();
@@ -371,7 +371,7 @@ mod tests {
                 2.0 * scale
             );
             let scene = parse(&text, "scaled").unwrap();
-            Plan::indirect(&Packed::new(&scene, scene.camera.position)).unwrap().cells
+            EmissionPlan::indirect(&Packed::new(&scene, scene.camera.position)).unwrap().cells
         };
         let here = cells(1.0);
         assert!(here.iter().any(|entry| entry >> CELL_BITS & ((1 << PART_BITS) - 1) > 1), "nothing is worth more");

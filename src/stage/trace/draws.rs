@@ -1,5 +1,5 @@
 //! Cuts within a pixel: a fragment or work-item that would loop for too long shares its samples, and the candidates of a
-//! query, among several draws. (`pace.rs` cuts pictures into rows, which cannot help where one pixel takes too long.)
+//! query, among several draws. (`submissions.rs` cuts pictures into rows, which cannot help where one pixel takes too long.)
 
 use super::{FinalPass, Indirect};
 use crate::error::{Error, Result};
@@ -42,7 +42,7 @@ pub struct Query {
 }
 
 impl Draws {
-    /// All in one.
+    /// One draw of all samples and candidates.
     pub fn whole(frame: &Frame) -> Draws {
         Draws { samples: frame.samples as u64, slices: 1 }
     }
