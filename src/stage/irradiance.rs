@@ -134,7 +134,7 @@ impl IrradianceStage {
                         [kernel("irradiance_splat")?, kernel("irradiance_resolve")?, kernel("irradiance_clear")?];
                     stage.kernels = Some((made_for, kernels));
                 }
-                let neighbourhoods: Vec<u32> = charts.neighbourhoods.iter().map(|window| window.packed()).collect();
+                let neighbourhoods: Vec<u32> = charts.neighbourhoods.iter().map(|around| around.packed()).collect();
                 stage.scene = Some(DeviceScene {
                     paths,
                     neighbourhoods: Buffer::from_slice(context, &neighbourhoods)?,
