@@ -51,16 +51,16 @@ __kernel void irradiance_splat(WALK_PARAMS uint runs, float quanta_per_watt, __g
     }
 }
 
-// inverse_areas: of windows, 1/m², 0 for texels that nothing reaches; windows: columns of the chart << 8 | half-width of
-// the window, texels (window.rs); texels: packed triples. All quanta together fit into 32 bits.
+// inverse_areas: of neighbourhoods, 1/m², 0 for texels that nothing reaches; neighbourhoods: columns of the chart << 8 |
+// half-width, texels (neighbourhood.rs); texels: packed triples. All quanta together fit into 32 bits.
 __kernel void irradiance_resolve(__global const uint *sums, __global const float *inverse_areas,
-                                 __global const uint *windows, float watts_per_quantum, __global float *texels, uint count) {
+                                 __global const uint *neighbourhoods, float watts_per_quantum, __global float *texels, uint count) {
     uint texel = (uint)get_global_id(0);
     if (texel >= count) return;
     uint3 quanta = (uint3)(0u);
     float inverse_area = inverse_areas[texel];
     if (inverse_area > 0.0f) {
-        uint half_width = windows[texel] & 255u, stride = windows[texel] >> 8u;
+        uint half_width = neighbourhoods[texel] & 255u, stride = neighbourhoods[texel] >> 8u;
         uint first = texel - half_width * stride - half_width;
         for (uint row = 0u; row <= 2u * half_width; row++)
             for (uint column = 0u; column <= 2u * half_width; column++)

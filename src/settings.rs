@@ -1,136 +1,16 @@
 //! What the user asks of a picture: size, sampling, who carries the light. Syntax is the command line's business.
 
-/// Who carries direct light (DESIGN §2).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum LightMode {
-    /// Shadow rays for direct light, photons of at least one bounce for the rest.
-    #[default]
-    Hybrid,
-    /// All light from the photon map, as in the 2016 report.
-    Photons,
-    /// No photons at all.
-    Direct,
-}
+mod choices;
 
-/// Which machine traces and gathers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Backend {
-    /// A fragment shader on a full-screen quad.
-    OpenGl,
-    /// Kernels alone.
-    OpenCl,
-    /// The twins in Rust.
-    Cpu,
-}
-
-impl Backend {
-    /// In the order in which a backend is chosen when none is asked for.
-    pub const ALL: [Backend; 3] = [Backend::OpenGl, Backend::OpenCl, Backend::Cpu];
-
-    /// As users write it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Backend::OpenGl => "opengl",
-            Backend::OpenCl => "opencl",
-            Backend::Cpu => "cpu",
-        }
-    }
-}
-
-/// How the photons around a point are found.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, serde::Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Method {
-    /// Whichever of grid, tiles and tiled grid should be the fastest.
-    Auto,
-    /// The cells around the point.
-    #[default]
-    Grid,
-    /// The list of the point's screen-space tile.
-    Tiles,
-    /// The cells around the point in the grid of its tile.
-    TiledGrid,
-    /// The k nearest of them within R; the distance to the next one is the radius.
-    Knn,
-    /// All photons of the map: the truth for tests.
-    Brute,
-}
-
-impl Method {
-    /// As users write it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Method::Auto => "auto",
-            Method::Grid => "grid",
-            Method::Tiles => "tiles",
-            Method::TiledGrid => "tiled-grid",
-            Method::Knn => "knn",
-            Method::Brute => "brute",
-        }
-    }
-
-    /// Whether photons are sorted into screen-space tiles.
-    pub fn is_tiled(self) -> bool {
-        matches!(self, Method::Tiles | Method::TiledGrid)
-    }
-
-    /// Whether photons are read in the order in which they were stored: no grid is built.
-    pub fn reads_stored(self) -> bool {
-        self == Method::Brute || self.is_tiled()
-    }
-}
-
-/// The kernel K of the density estimate; each integrates to 1 over the unit disc.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum DensityKernel {
-    /// 1/π.
-    Constant,
-    /// 2/π · (1 − t²): the least variance for its bias (Epanechnikov 1969).
-    #[default]
-    Epanechnikov,
-    /// 3/π · (1 − t) (Jensen 1996).
-    Cone,
-    /// 3/π · (1 − t²)²: smooth at its rim.
-    Biweight,
-}
-
-impl DensityKernel {
-    /// All of them.
-    pub const ALL: [DensityKernel; 4] =
-        [DensityKernel::Constant, DensityKernel::Epanechnikov, DensityKernel::Cone, DensityKernel::Biweight];
-
-    /// As shaders know it.
-    pub fn define(self) -> &'static str {
-        match self {
-            DensityKernel::Constant => "KERNEL_CONSTANT",
-            DensityKernel::Epanechnikov => "KERNEL_EPANECHNIKOV",
-            DensityKernel::Cone => "KERNEL_CONE",
-            DensityKernel::Biweight => "KERNEL_BIWEIGHT",
-        }
-    }
-}
+pub use choices::{Backend, Choice, ChoiceRow, DensityKernel, GridForm, LightMode, Method, Sampler, TechniqueKind};
 
 /// How long emission goes on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Amount {
-    /// So many paths.
+    /// So many paths in every pass, whatever is stored of them.
     Paths(u32),
     /// Until so many photons are stored, as the report's map of fixed size.
     Stored(u32),
-}
-
-/// Where the numbers of emission and first bounce come from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Sampler {
-    /// Roberts' R₄ sequence.
-    #[default]
-    Sequence,
-    /// Hashes, as all later bounces.
-    Random,
 }
 
 /// How indirect light becomes radiance.
@@ -141,6 +21,16 @@ pub enum Technique {
     Map,
     /// A bounce of rays, which see the rest in irradiance texels.
     FinalGather(FinalGather),
+}
+
+impl Technique {
+    /// Which one it is, whatever its settings.
+    pub fn kind(&self) -> TechniqueKind {
+        match self {
+            Technique::Map => TechniqueKind::Map,
+            Technique::FinalGather(_) => TechniqueKind::FinalGather,
+        }
+    }
 }
 
 /// Settings of final gathering.
@@ -168,9 +58,9 @@ impl Default for FinalGather {
 /// What the user asks of a picture, in one pass or in many.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// Pixels across.
+    /// Of the image, pixels.
     pub width: u32,
-    /// Pixels down.
+    /// Of the image, pixels.
     pub height: u32,
     /// Samples per pixel; 1 is the pixel's centre.
     pub samples: u32,
@@ -224,7 +114,7 @@ pub struct Gather {
     /// How photons are found.
     pub method: Method,
     /// How they are weighed.
-    pub kernel: DensityKernel,
+    pub density_kernel: DensityKernel,
     /// R, metres; `None`: chosen from the scene and the number of photons.
     pub radius: Option<f32>,
     /// k of the k nearest.
@@ -234,27 +124,14 @@ pub struct Gather {
     /// Whether cells fill boxes or are hashed.
     pub form: GridForm,
     /// Cells on a lattice of the user's, which comes before `cells`; `None`: they begin where photons do.
-    pub lattice: Option<Lattice>,
+    pub lattice: Option<CellLattice>,
     /// Width and height of tiles, pixels; `None`: [`crate::plan::tiling::TILE`].
     pub tile: Option<[u32; 2]>,
 }
 
-/// Which of the grid's two forms is wanted.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, serde::Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum GridForm {
-    /// The dense one where it takes no more memory than the photons themselves.
-    #[default]
-    Auto,
-    /// Every face's box filled with cells.
-    Dense,
-    /// A table of hashed rows.
-    Hashed,
-}
-
 /// Cells that fill space from a corner on, in all directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Lattice {
+pub struct CellLattice {
     /// A corner of some cell, world space, metres.
     pub corner: [f64; 3],
     /// Along x, y, z; metres.
@@ -272,7 +149,7 @@ impl Default for Settings {
             photons: Photons { amount: Amount::Paths(200_000), sampler: Sampler::default() },
             gather: Gather {
                 method: Method::Auto,
-                kernel: DensityKernel::default(),
+                density_kernel: DensityKernel::default(),
                 radius: None,
                 nearest: 50,
                 cells: None,

@@ -163,7 +163,7 @@ struct Judged {
     coverage: Option<f64>,
 }
 
-/// One curve.
+/// Times and errors of one setting, pass by pass: a curve of the chart.
 fn curve(
     pipeline: &mut Pipeline,
     backend: Backend,

@@ -118,7 +118,7 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Meas
                 for (method, tile) in
                     [Method::Tiles, Method::TiledGrid].into_iter().flat_map(|m| plan.tiles.map(|tile| (m, tile)))
                 {
-                    let wanted = tiling::Wanted { radius, tile, cells: method == Method::TiledGrid };
+                    let wanted = tiling::TileSettings { radius, tile, cells: method == Method::TiledGrid };
                     let seen = cpu::tiles::tiles_seen(&tables, &frame, tile);
                     let tiles = tiling::plan(&packed.shapes, &frame, seen, map.len(), &wanted)?;
                     let lists = cpu::tiles::tiles(&map.view(), &tiles, &frame)?;
@@ -140,7 +140,7 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Meas
 pub fn emit(scene: &SceneTables, packed: &Packed, stored: u32, store_direct: bool) -> Result<PhotonTables> {
     let amount = Amount::Stored(stored);
     let emission = Emission { amount, seed: 0, pass: 0, sampler: Sampler::default(), store_direct };
-    photons(scene, &emission::Plan::of(packed, store_direct)?, &emission)
+    photons(scene, &emission::EmissionPlan::of(packed, store_direct)?, &emission)
 }
 
 /// Points of a coarse raster of pixels ask a grid for their photons.
@@ -149,7 +149,7 @@ fn ask(
     tables: &SceneTables,
     frame: &Frame,
     map: &PhotonTables,
-    plan: &cells::Plan,
+    plan: &cells::GridPlan,
     stride: u32,
 ) -> Found {
     let grid = cpu::grid::grid(&map.view(), plan);
@@ -170,7 +170,7 @@ fn ask_tiles(
     tables: &SceneTables,
     frame: &Frame,
     map: &PhotonTables,
-    (plan, lists): (&tiling::Plan, &cpu::tiles::TileTables),
+    (plan, lists): (&tiling::TilePlan, &cpu::tiles::TileTables),
     stride: u32,
 ) -> Found {
     let radius = plan.gather.radius;

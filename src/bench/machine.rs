@@ -11,7 +11,7 @@ use crate::device::gl::Headless;
 pub struct MachineInfo {
     /// Of this program.
     pub version: &'static str,
-    /// `linux x86_64`.
+    /// Operating system and architecture, such as `linux x86_64`.
     pub system: String,
     /// The processor's name, where the system tells it.
     pub cpu: Option<String>,

@@ -96,7 +96,7 @@ impl Suite {
 /// What a suite may be asked; each takes what it has a use for.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// In this order.
+    /// The scenes to measure, in this order.
     pub scenes: Vec<Scene>,
     /// In this order; those that are not there are left out.
     pub backends: Vec<Backend>,
@@ -151,9 +151,9 @@ impl Options {
 /// How far a suite is.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Progress<'a> {
-    /// Steps done.
+    /// How many steps are done.
     pub done: u64,
-    /// Steps in all.
+    /// How many steps there are in all.
     pub total: u64,
     /// What is going on, or what the user should know ([`Progress::is_notice`]).
     pub what: &'a str,
@@ -211,9 +211,9 @@ fn or_end<T>(part: Result<T>, has_rows: bool, ended: &mut Option<String>) -> Res
 /// A finished suite.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
-    /// Which.
+    /// The suite that ran.
     pub suite: Suite,
-    /// Where.
+    /// The machine and its drivers.
     pub machine: MachineInfo,
     /// The numbers it ran with.
     pub settings: serde_json::Value,
@@ -229,7 +229,7 @@ pub struct Report {
 }
 
 impl Report {
-    /// For a terminal of so many columns.
+    /// The report as text, for a terminal of so many columns.
     pub fn text(&self, columns: usize) -> String {
         let tables: Vec<&Table> =
             if self.summaries.is_empty() { vec![&self.rows] } else { self.summaries.iter().collect() };

@@ -12,7 +12,7 @@ use plotters::prelude::*;
 use crate::error::{Error, Result};
 use crate::film::write_beside;
 
-/// Pixels.
+/// Width and height of a plot, pixels.
 const SIZE: (u32, u32) = (960, 600);
 
 /// Dark enough on white, and apart for colour-blind eyes too (Okabe & Ito 2008).
@@ -37,7 +37,7 @@ const BESIDE: u32 = 210;
 /// A line through points.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Curve {
-    /// For the legend.
+    /// What the legend calls it.
     pub name: String,
     /// x and y, both > 0.
     pub points: Vec<(f64, f64)>,
@@ -66,7 +66,7 @@ impl Look {
 /// Curves on common axes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Chart {
-    /// Above the axes.
+    /// The line above the axes.
     pub title: String,
     /// Quantity and unit.
     pub x: String,

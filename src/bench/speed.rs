@@ -297,7 +297,7 @@ impl Measure {
     }
 }
 
-/// `200k`, `1M`.
+/// A count as the command line takes it: `200k`, `1M`.
 fn short(count: u32) -> String {
     match count {
         _ if count % 1_000_000 == 0 && count > 0 => format!("{}M", count / 1_000_000),

@@ -5,13 +5,13 @@ use serde::ser::{Serialize, SerializeMap, Serializer};
 /// What stands in a table.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Value {
-    /// A name.
+    /// A name, or a word for one of a few things.
     Text(String),
     /// A number of things.
     Count(u64),
     /// A measured quantity; its column's name has the unit.
     Real(f64),
-    /// Yes or no.
+    /// Whether something holds.
     Flag(bool),
     /// Not measured, or without meaning here.
     Missing,
@@ -141,7 +141,7 @@ pub struct Table {
 }
 
 impl Table {
-    /// No row yet.
+    /// A table of these columns that has no row yet.
     pub fn new<S: Into<String>>(columns: impl IntoIterator<Item = S>) -> Table {
         Table { columns: columns.into_iter().map(S::into).collect(), rows: Vec::new() }
     }
@@ -156,7 +156,7 @@ impl Table {
         self.rows.push(row);
     }
 
-    /// Rows.
+    /// How many rows it has.
     pub fn len(&self) -> usize {
         self.rows.len()
     }

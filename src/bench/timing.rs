@@ -21,7 +21,7 @@ pub struct Samples {
 }
 
 impl Samples {
-    /// See [`median`].
+    /// The middle one of the times, ms: see [`median`].
     pub fn median(&self) -> f64 {
         median(&self.ms)
     }

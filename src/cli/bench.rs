@@ -5,12 +5,13 @@ use std::sync::atomic::Ordering;
 
 use clap::ValueEnum;
 
-use super::options::{BackendArg, Size, parse_count, parse_device, parse_radius};
+use super::options::{Size, choice, parse_count, parse_device, parse_radius};
 use super::{output, print_json, rescue, stop_on_signal};
 use crate::bench::{Options, Progress, Suite, make_directory, scenes};
 use crate::error::{Error, Result};
 use crate::film::check_directory;
 use crate::scene::{self, Scene};
+use crate::settings::Backend;
 
 /// Measure: speed by backend, error by gather radius, candidates by cell size
 #[derive(clap::Args)]
@@ -21,8 +22,8 @@ pub struct Args {
     #[arg(long, value_enum, default_value = "speed")]
     suite: SuiteArg,
     /// Which backends to measure, such as opengl,opencl; where one is enough, the first that works
-    #[arg(long, value_enum, value_delimiter = ',', default_values = ["opengl", "opencl", "cpu"])]
-    backends: Vec<BackendArg>,
+    #[arg(long, value_parser = choice::<Backend>(), value_delimiter = ',', default_values = Backend::ALL.map(Backend::name))]
+    backends: Vec<Backend>,
     /// OpenCL device to use: its number as doctor counts them, such as #2 or 2, or part of its name
     #[arg(long, value_name = "DEVICE", value_parser = parse_device)]
     device: Option<String>,
@@ -102,7 +103,7 @@ pub fn run(args: &Args) -> Result<()> {
     };
     let options = Options {
         scenes: named.into_iter().map(load).collect::<Result<_>>()?,
-        backends: args.backends.iter().map(|backend| (*backend).into()).collect(),
+        backends: args.backends.clone(),
         device: args.device.clone(),
         threads: args.threads.into(),
         size: args.size.map(|size| (size.width, size.height)),

@@ -2,10 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::ValueEnum;
 use serde::Serialize;
 
-use super::options::{BackendArg, GatherArg, RenderOptions};
+use super::options::{RenderOptions, choice};
 use super::{notice, print_json};
 use crate::cpu::edges::is_on_edge;
 use crate::error::{Error, Result};
@@ -15,7 +14,7 @@ use crate::packing::Packed;
 use crate::pipeline::{Devices, Pipeline};
 use crate::program::features::Features;
 use crate::rays::scene::SceneTables;
-use crate::settings::{Backend, Pass, Settings};
+use crate::settings::{Backend, Method, Pass, Settings};
 
 /// Render a scene on every backend and compare the pictures, or compare two image files
 #[derive(clap::Args)]
@@ -28,11 +27,11 @@ pub struct Args {
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Which backends to compare, such as opengl,opencl
-    #[arg(long, value_enum, value_delimiter = ',', default_values = ["opengl", "opencl", "cpu"])]
-    backends: Vec<BackendArg>,
+    #[arg(long, value_parser = choice::<Backend>(), value_delimiter = ',', default_values = Backend::ALL.map(Backend::name))]
+    backends: Vec<Backend>,
     /// Which gathers to compare, such as grid,brute [default: the scene's]
-    #[arg(long, value_enum, value_delimiter = ',', conflicts_with = "gather")]
-    gathers: Vec<GatherArg>,
+    #[arg(long, value_parser = choice::<Method>(), value_delimiter = ',', conflicts_with = "gather")]
+    gathers: Vec<Method>,
     /// Pictures made for each timing, after one to warm up; the median counts
     #[arg(long, value_name = "N", default_value_t = 5)]
     repeat: u32,
@@ -130,13 +129,13 @@ fn compare_backends(args: &Args) -> Result<()> {
     let mut gathers: Vec<(Settings, String)> = Vec::new();
     for gather in &args.gathers {
         let mut with = settings.clone();
-        with.gather.method = (*gather).into();
-        gathers.push((with, format!("/{}", gather.to_possible_value().expect("no variant is skipped").get_name())));
+        with.gather.method = *gather;
+        gathers.push((with, format!("/{}", gather.name())));
     }
     if gathers.is_empty() {
         gathers.push((settings.clone(), String::new()));
     }
-    for backend in args.backends.iter().map(|backend| Backend::from(*backend)) {
+    for backend in args.backends.iter().copied() {
         let size = [settings.width, settings.height];
         match Pipeline::open_for(&args.options.machine(Some(backend)), size, notice) {
             Ok(mut pipeline) => {

@@ -4,7 +4,8 @@ use std::path::PathBuf;
 use std::str::FromStr;
 use std::time::Duration;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
 use crate::error::Result;
 use crate::pipeline::Machine;
@@ -12,7 +13,7 @@ use crate::pipeline::path_count;
 use crate::program::gathering::MAX_NEAREST;
 use crate::scene::{self, Scene};
 use crate::settings::{
-    Amount, Backend, DensityKernel, Gather, GridForm, LightMode, Method, Photons, Sampler, Settings, Technique,
+    Amount, Backend, Choice, DensityKernel, Gather, GridForm, LightMode, Method, Photons, Sampler, Settings, Technique,
 };
 
 /// The scene, and how it is rendered.
@@ -21,8 +22,8 @@ pub struct RenderOptions {
     /// Scene file (TOML)
     pub scene: PathBuf,
     /// Who carries direct light
-    #[arg(long, value_enum)]
-    pub light: Option<LightArg>,
+    #[arg(long, value_parser = choice::<LightMode>())]
+    pub light: Option<LightMode>,
     /// Samples per pixel, in every pass [default: 1; 2 or 4 in passes with final gathering]
     #[arg(long, value_name = "S", value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
     pub spp: Option<u32>,
@@ -33,8 +34,8 @@ pub struct RenderOptions {
     #[arg(long, value_name = "WxH")]
     pub size: Option<Size>,
     /// How photons are found around a point [default: grid, tiles or tiled-grid, whichever should be the fastest]
-    #[arg(long, value_enum)]
-    pub gather: Option<GatherArg>,
+    #[arg(long, value_parser = choice::<Method>())]
+    pub gather: Option<Method>,
     /// Paths emitted per pass, such as 200k or 1M [default: chosen from the scene, size, samples and radius]
     #[arg(long, value_name = "N", value_parser = parse_count, conflicts_with = "stored")]
     pub photons: Option<u32>,
@@ -45,8 +46,8 @@ pub struct RenderOptions {
     #[arg(long, value_name = "R", value_parser = parse_radius)]
     pub radius: Option<f32>,
     /// Kernel of the density estimate
-    #[arg(long, value_enum)]
-    pub kernel: Option<KernelArg>,
+    #[arg(long, value_parser = choice::<DensityKernel>())]
+    pub kernel: Option<DensityKernel>,
     /// How many photons knn gathers
     #[arg(long, value_name = "K", default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_NEAREST)))]
     pub k: u32,
@@ -58,8 +59,8 @@ pub struct RenderOptions {
     #[arg(long, value_name = "WxH")]
     pub tile: Option<Size>,
     /// Where emission's numbers come from
-    #[arg(long, value_enum, default_value = "sequence")]
-    pub sampler: SamplerArg,
+    #[arg(long, value_parser = choice::<Sampler>(), default_value = Sampler::default().name())]
+    pub sampler: Sampler,
     /// Threads of the CPU backend
     #[arg(long, value_name = "T", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: u16,
@@ -68,93 +69,18 @@ pub struct RenderOptions {
     pub device: Option<String>,
 }
 
-/// Direct light, as on the command line.
-#[derive(ValueEnum, Clone, Copy, Debug)]
-pub enum LightArg {
-    /// Shadow rays for direct light, photons for the rest
-    Hybrid,
-    /// All light from the photon map
-    Photons,
-    /// No photons at all
-    Direct,
-}
-
-/// A gather method, as on the command line.
-#[derive(ValueEnum, Clone, Copy, Debug)]
-pub enum GatherArg {
-    /// The cells of a grid around the point
-    Grid,
-    /// The list of the point's screen-space tile
-    Tiles,
-    /// The cells around the point in a grid of its tile
-    TiledGrid,
-    /// The k nearest photons within the radius
-    Knn,
-    /// All photons: slow, the truth for tests
-    Brute,
-}
-
-impl From<GatherArg> for Method {
-    fn from(arg: GatherArg) -> Self {
-        match arg {
-            GatherArg::Grid => Method::Grid,
-            GatherArg::Tiles => Method::Tiles,
-            GatherArg::TiledGrid => Method::TiledGrid,
-            GatherArg::Knn => Method::Knn,
-            GatherArg::Brute => Method::Brute,
-        }
-    }
-}
-
-/// A density kernel, as on the command line.
-#[derive(ValueEnum, Clone, Copy, Debug)]
-pub enum KernelArg {
-    /// 1/π
-    Constant,
-    /// 2/π · (1 − t²)
-    Epanechnikov,
-    /// 3/π · (1 − t)
-    Cone,
-    /// 3/π · (1 − t²)²
-    Biweight,
-}
-
-/// A sampler, as on the command line.
-#[derive(ValueEnum, Clone, Copy, Debug)]
-pub enum SamplerArg {
-    /// A low-discrepancy sequence
-    Sequence,
-    /// Plain random numbers
-    Random,
-}
-
-/// A backend, as on the command line.
-#[derive(ValueEnum, Clone, Copy, Debug)]
-pub enum BackendArg {
-    /// A fragment shader on a full-screen quad
-    Opengl,
-    /// Kernels alone
-    Opencl,
-    /// The twins in Rust
-    Cpu,
-}
-
-impl From<BackendArg> for Backend {
-    fn from(arg: BackendArg) -> Self {
-        match arg {
-            BackendArg::Opengl => Backend::OpenGl,
-            BackendArg::Opencl => Backend::OpenCl,
-            BackendArg::Cpu => Backend::Cpu,
-        }
-    }
+/// Reads the name of one of the ways that users choose among; help and errors list them all.
+pub fn choice<T: Choice>() -> impl TypedValueParser<Value = T> {
+    let shown = T::offered().map(|row| PossibleValue::new(row.name).help(row.help));
+    PossibleValuesParser::new(shown).map(|name| T::named(&name).expect("the parser lets no other name through"))
 }
 
 /// Pixels, `WIDTHxHEIGHT`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Size {
-    /// Across.
+    /// Columns of pixels.
     pub width: u32,
-    /// Down.
+    /// Rows of pixels.
     pub height: u32,
 }
 
@@ -217,16 +143,15 @@ pub enum GridArg {
 }
 
 fn parse_grid(text: &str) -> std::result::Result<GridArg, String> {
-    match text {
-        "dense" => return Ok(GridArg::Form(GridForm::Dense)),
-        "hashed" => return Ok(GridArg::Form(GridForm::Hashed)),
-        _ => {}
+    if let Some(form) = GridForm::named(text) {
+        return Ok(GridArg::Form(form));
     }
     let numbers: Vec<u32> = text.split(['x', 'X', '×']).filter_map(|n| n.parse().ok().filter(|n| *n > 0)).collect();
     let cells = <[u32; 3]>::try_from(numbers);
-    cells
-        .map(GridArg::Cells)
-        .map_err(|_| format!("found '{text}', expected NXxNYxNZ, such as 60x40x40, dense or hashed"))
+    cells.map(GridArg::Cells).map_err(|_| {
+        let forms: Vec<_> = GridForm::offered().map(|row| row.name).collect();
+        format!("found '{text}', expected NXxNYxNZ, such as 60x40x40, {}", forms.join(" or "))
+    })
 }
 
 /// A positive, finite number of seconds.
@@ -249,27 +174,8 @@ impl RenderOptions {
         let default = Settings::default();
         let size = self.size.map(|s| (s.width, s.height)).or(scene.render.size);
         let (width, height) = size.unwrap_or((default.width, default.height));
-        let light = match (self.light, scene.render.light.as_deref()) {
-            (Some(LightArg::Direct), _) | (None, Some("direct")) => LightMode::Direct,
-            (Some(LightArg::Photons), _) | (None, Some("photons")) => LightMode::Photons,
-            _ => LightMode::Hybrid,
-        };
         let stored = self.stored.map(Amount::Stored);
         let paths = self.photons.or(scene.render.photons.map(|n| n.min(u64::from(u32::MAX)) as u32)).map(Amount::Paths);
-        let method = self.gather.map(Method::from).or(match scene.render.gather.as_deref() {
-            Some("grid") => Some(Method::Grid),
-            Some("tiles") => Some(Method::Tiles),
-            Some("tiled-grid") => Some(Method::TiledGrid),
-            Some("knn") => Some(Method::Knn),
-            Some("brute") => Some(Method::Brute),
-            _ => None,
-        });
-        let kernel = self.kernel.map(|kernel| match kernel {
-            KernelArg::Constant => DensityKernel::Constant,
-            KernelArg::Epanechnikov => DensityKernel::Epanechnikov,
-            KernelArg::Cone => DensityKernel::Cone,
-            KernelArg::Biweight => DensityKernel::Biweight,
-        });
         let (cells, form) = match self.grid {
             Some(GridArg::Cells(counts)) => (Some(counts), GridForm::Auto),
             Some(GridArg::Form(form)) => (None, form),
@@ -280,17 +186,11 @@ impl RenderOptions {
             height,
             samples: self.spp.unwrap_or(1),
             seed: self.seed,
-            light,
-            photons: Photons {
-                amount: stored.or(paths).unwrap_or(default.photons.amount),
-                sampler: match self.sampler {
-                    SamplerArg::Sequence => Sampler::Sequence,
-                    SamplerArg::Random => Sampler::Random,
-                },
-            },
+            light: self.light.or(scene.render.light).unwrap_or_default(),
+            photons: Photons { amount: stored.or(paths).unwrap_or(default.photons.amount), sampler: self.sampler },
             gather: Gather {
-                method: method.unwrap_or(default.gather.method),
-                kernel: kernel.unwrap_or_default(),
+                method: self.gather.or(scene.render.gather).unwrap_or(default.gather.method),
+                density_kernel: self.kernel.unwrap_or_default(),
                 radius: self.radius.or(scene.render.radius.map(|r| r as f32)),
                 nearest: self.k,
                 cells,
@@ -317,7 +217,7 @@ impl RenderOptions {
         Ok(Some(format!("{} paths, since {}", chosen.paths, chosen.why)))
     }
 
-    /// Where to run.
+    /// The backend, device and threads to run on.
     pub fn machine(&self, backend: Option<Backend>) -> Machine {
         Machine { backend, device: self.device.clone(), threads: usize::from(self.threads), lanes: None }
     }

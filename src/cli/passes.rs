@@ -7,15 +7,15 @@ use std::time::{Duration, Instant};
 
 use indicatif::ProgressBar;
 
-use super::options::{RenderOptions, parse_seconds};
+use super::options::{RenderOptions, choice, parse_seconds};
 use super::{notice, output, rescue, stop_on_signal};
 use crate::error::{Error, Result};
 use crate::film::{Accumulator, Image, REPLICATES, check_directory};
 use crate::pipeline::progressive::{Estimate, Progressive};
 use crate::pipeline::{Pipeline, Rendering, Times};
 use crate::scene::Scene;
-use crate::settings::Settings;
-use crate::techniques::{Kind, Wish};
+use crate::settings::{Settings, TechniqueKind};
+use crate::techniques::Wish;
 
 /// So that a power cut costs no more than a minute.
 const SAVE_EVERY: Duration = Duration::from_secs(60);
@@ -43,8 +43,8 @@ pub struct PassOptions {
 #[derive(clap::Args, Clone, Debug)]
 pub struct TechniqueOptions {
     /// How indirect light becomes radiance [default in passes: final-gather where no surface is glossy, else map]
-    #[arg(long, value_enum)]
-    pub technique: Option<TechniqueArg>,
+    #[arg(long, value_parser = choice::<TechniqueKind>())]
+    pub technique: Option<TechniqueKind>,
     /// Rays of a site of final gathering in one pass
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
     pub rays: Option<u32>,
@@ -57,15 +57,6 @@ pub struct TechniqueOptions {
     /// Pixels from site to site of final gathering; 1: every sample gathers for itself
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..=64))]
     pub spacing: Option<u32>,
-}
-
-/// A technique, as on the command line.
-#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TechniqueArg {
-    /// Density estimates of the photon map at visible points
-    Map,
-    /// A bounce of rays, which see the rest in irradiance texels
-    FinalGather,
 }
 
 fn parse_error(text: &str) -> std::result::Result<f64, String> {
@@ -100,10 +91,7 @@ impl TechniqueOptions {
         let gathers = options.gather.is_some() || options.radius.is_some() || options.kernel.is_some();
         let grids = options.grid.is_some() || options.tile.is_some() || scene.render.radius.is_some();
         Wish {
-            kind: self.technique.map(|technique| match technique {
-                TechniqueArg::Map => Kind::Map,
-                TechniqueArg::FinalGather => Kind::FinalGather,
-            }),
+            kind: self.technique,
             rays: self.rays,
             own_rays: self.own_rays,
             points: self.points,
@@ -120,7 +108,7 @@ impl TechniqueOptions {
 pub struct Passes {
     /// The mean of all passes.
     pub image: Image,
-    /// The last pass; none where the checkpoint's were enough.
+    /// What the last pass made, and by which means; none where the checkpoint's were enough.
     pub last: Option<Rendering>,
     /// Times of this run's passes together.
     pub times: Times,

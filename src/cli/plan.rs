@@ -16,7 +16,7 @@ use crate::plan::choice::{self, Class, Estimate, Question};
 use crate::plan::radius;
 use crate::program::features::{Features, Reason};
 use crate::program::source::{Options, assemble, units};
-use crate::rays::emission::Plan;
+use crate::rays::emission::EmissionPlan;
 use crate::rays::scene::SceneTables;
 use crate::records::{Frame, Light, Material, Record, Shape, TEXEL, TEXTURE_WIDTH_LOG2, TextureShape};
 use crate::scene::Scene;
@@ -84,7 +84,7 @@ struct Gathering {
     opengl_software: Vec<Estimate>,
     /// OpenCL on a CPU, whose pixels gather in blocks.
     opencl_cpu: Vec<Estimate>,
-    /// The twin.
+    /// The twins in Rust.
     cpu: Vec<Estimate>,
     /// Which of these each backend is on this machine; one without a driver is none.
     here: BTreeMap<&'static str, &'static str>,
@@ -131,7 +131,7 @@ fn gathering(
 
 /// What paths are spared by leaving out directions in which nothing can be hit; empty where there are none.
 fn aimed(packed: &Packed, settings: &Settings) -> Result<String> {
-    let plan = Plan::of(packed, settings.light == LightMode::Photons)?;
+    let plan = EmissionPlan::of(packed, settings.light == LightMode::Photons)?;
     let wasted = 100.0 * (1.0 - plan.useful_share(packed));
     Ok(match plan.cells.is_empty() {
         true => String::new(),
@@ -183,101 +183,124 @@ pub fn run(args: &Args) -> Result<()> {
     let scene = args.options.load()?;
     let mut settings = args.options.settings(&scene);
     let chosen = args.options.choose_paths(&scene, &mut settings)?;
-    let (features, reasons) = Features::explain(&scene, &settings);
     if let Some(unit) = &args.source {
-        if !units().contains(&unit.as_str()) {
-            return Err(Error::Usage(format!("found --source {unit}, expected one of {}", units().join(", "))));
-        }
-        if ![1, 4, 8, 16].contains(&args.lanes) {
-            return Err(Error::Usage(format!("found --lanes {}, expected 1, 4, 8 or 16", args.lanes)));
-        }
-        output::print(assemble(unit, Some(&features), &Options { lanes: args.lanes, ..Options::default() }).text);
-        return Ok(());
+        return print_source(unit, args.lanes, &Features::of(&scene, &settings));
     }
-    let packed = PackedScene::new(Packed::new(&scene, scene.camera.position));
+    let report = report(&args.options, &scene, &settings, chosen)?;
+    match args.json {
+        true => print_json(&report),
+        false => report.print(),
+    }
+    Ok(())
+}
+
+fn print_source(unit: &str, lanes: u32, features: &Features) -> Result<()> {
+    if !units().contains(&unit) {
+        return Err(Error::Usage(format!("found --source {unit}, expected one of {}", units().join(", "))));
+    }
+    if ![1, 4, 8, 16].contains(&lanes) {
+        return Err(Error::Usage(format!("found --lanes {lanes}, expected 1, 4, 8 or 16")));
+    }
+    output::print(assemble(unit, Some(features), &Options { lanes, ..Options::default() }).text);
+    Ok(())
+}
+
+fn report(options: &RenderOptions, scene: &Scene, settings: &Settings, chosen: Option<String>) -> Result<Report> {
+    let (features, reasons) = Features::explain(scene, settings);
+    let packed = PackedScene::new(Packed::new(scene, scene.camera.position));
     let uploads = vec![
         table::<Frame>(1),
         table::<Shape>(packed.shapes.len()),
         table::<Material>(packed.materials.len()),
         table::<Light>(packed.lights.len()),
     ];
-    let gather = gathering(&args.options, &scene, &settings, &features, &packed)?;
+    let gather = gathering(options, scene, settings, &features, &packed)?;
     let memory = gather.as_ref().map(|gather| {
         let stored = gather.stored as usize;
         let opengl_bytes = memory::texture_bytes(features.glossy, stored);
         Memory { photons: gather.stored, opencl_bytes: memory::opencl_bytes(features.glossy, stored), opengl_bytes }
     });
-    let report = Report {
+    Ok(Report {
         scene: scene.name.clone(),
         permutation: features.defines(),
-        stages: stages(&scene, &settings, chosen, aimed(&packed, &settings)?),
+        stages: stages(scene, settings, chosen, aimed(&packed, settings)?),
         features: reasons,
         bytes: uploads.iter().map(|t| t.bytes).sum(),
         uploads,
         gather,
         memory,
-    };
-    if args.json {
-        print_json(&report);
-        return Ok(());
-    }
-    say!("scene {}: {}", report.scene, report.permutation.join(" "));
-    for reason in report.stages.iter().chain(&report.features) {
-        say!("  {} {:<20} {}", if reason.used { "used   " } else { "skipped" }, reason.feature, reason.why);
-    }
-    say!("uploads");
-    for Table { table, records, texels, texture, bytes } in &report.uploads {
-        say!(
-            "  {table:<8} {records:>8} records {texels:>8} texels {bytes:>10} bytes, texture {} × {}",
-            texture[0],
-            texture[1]
-        );
-    }
-    say!("  {} bytes in all", report.bytes);
-    let Some(gather) = &report.gather else {
-        say!("gather: skipped, no photons");
-        return Ok(());
-    };
-    if let Some(memory) = &report.memory {
-        let megabytes = |bytes: usize| bytes as f64 / 1e6;
-        say!(
-            "memory: {} photons take at most {:.1} MB in OpenCL, sorting included, and {:.1} MB in OpenGL's textures",
-            memory.photons,
-            megabytes(memory.opencl_bytes),
-            megabytes(memory.opengl_bytes)
-        );
-    }
-    say!("gather {} photons with R = {:.4} m", gather.stored, gather.radius);
-    let here: Vec<_> = gather.here.iter().map(|(backend, class)| format!("{backend} is {class}")).collect();
-    say!("  here {}", here.join(", "));
-    for (class, estimates) in [
-        (Class::OpenGlGpu, &gather.opengl),
-        (Class::OpenGlSoftware, &gather.opengl_software),
-        (Class::OpenClGpu, &gather.opencl),
-        (Class::OpenClLanes, &gather.opencl_cpu),
-        (Class::Cpu, &gather.cpu),
-    ] {
-        let least = estimates.first().map_or(1.0, |best| best.cost);
-        for (rank, estimate) in estimates.iter().enumerate() {
-            let Estimate { method, tile, candidates, entries, cost, .. } = estimate;
-            // Of each method the best tiles.
-            if estimates[..rank].iter().any(|better| better.method == *method) {
-                continue;
-            }
-            let size = tile.map(|[w, h]| format!(" {w}x{h}")).unwrap_or_default();
-            let (dearest, share) = estimate.dearest(class);
+    })
+}
+
+impl Report {
+    fn print(&self) {
+        say!("scene {}: {}", self.scene, self.permutation.join(" "));
+        for reason in self.stages.iter().chain(&self.features) {
+            say!("  {} {:<20} {}", if reason.used { "used   " } else { "skipped" }, reason.feature, reason.why);
+        }
+        say!("uploads");
+        for Table { table, records, texels, texture, bytes } in &self.uploads {
             say!(
-                "  {} {:<15} {:<17} {candidates:>9.1} candidates a pixel, {entries:>10.0} entries, {:>6.2} x the cost, \
-                 {:.0}% {dearest}",
-                if rank == 0 { "used   " } else { "skipped" },
-                class.name(),
-                format!("{}{size}", method.name()),
-                cost / least,
-                100.0 * share
+                "  {table:<8} {records:>8} records {texels:>8} texels {bytes:>10} bytes, texture {} × {}",
+                texture[0],
+                texture[1]
             );
         }
+        say!("  {} bytes in all", self.bytes);
+        if let Some(memory) = &self.memory {
+            let megabytes = |bytes: usize| bytes as f64 / 1e6;
+            say!(
+                "memory: {} photons take at most {:.1} MB in OpenCL, sorting included, and {:.1} MB in OpenGL's textures",
+                memory.photons,
+                megabytes(memory.opencl_bytes),
+                megabytes(memory.opengl_bytes)
+            );
+        }
+        match &self.gather {
+            Some(gather) => gather.print(),
+            None => say!("gather: skipped, no photons"),
+        }
     }
-    Ok(())
+}
+
+impl Gathering {
+    fn print(&self) {
+        say!("gather {} photons with R = {:.4} m", self.stored, self.radius);
+        let here: Vec<_> = self.here.iter().map(|(backend, class)| format!("{backend} is {class}")).collect();
+        say!("  here {}", here.join(", "));
+        for (class, estimates) in [
+            (Class::OpenGlGpu, &self.opengl),
+            (Class::OpenGlSoftware, &self.opengl_software),
+            (Class::OpenClGpu, &self.opencl),
+            (Class::OpenClLanes, &self.opencl_cpu),
+            (Class::Cpu, &self.cpu),
+        ] {
+            print_estimates(class, estimates);
+        }
+    }
+}
+
+/// A line for each method, the cheapest first.
+fn print_estimates(class: Class, estimates: &[Estimate]) {
+    let least = estimates.first().map_or(1.0, |best| best.cost);
+    for (rank, estimate) in estimates.iter().enumerate() {
+        let Estimate { method, tile, candidates, entries, cost, .. } = estimate;
+        // Of each method the best tiles.
+        if estimates[..rank].iter().any(|better| better.method == *method) {
+            continue;
+        }
+        let size = tile.map(|[w, h]| format!(" {w}x{h}")).unwrap_or_default();
+        let (dearest, share) = estimate.dearest(class);
+        say!(
+            "  {} {:<15} {:<17} {candidates:>9.1} candidates a pixel, {entries:>10.0} entries, {:>6.2} x the cost, \
+             {:.0}% {dearest}",
+            if rank == 0 { "used   " } else { "skipped" },
+            class.name(),
+            format!("{}{size}", method.name()),
+            cost / least,
+            100.0 * share
+        );
+    }
 }
 
 fn table<R: Record>(records: usize) -> Table {

@@ -105,21 +105,7 @@ pub fn run(args: &Args) -> Result<()> {
     }
     check_distinct(&[("-o", Some(&output)), ("--checkpoint", args.checkpoint.as_deref())])?;
     let settings = settings(args, &scene);
-    let mut from = reference::start(&scene, &settings)?;
-    if let Some(path) = args.checkpoint.as_deref().filter(|path| path.exists()) {
-        let found = Accumulator::load(path)?;
-        if !found.continues(&from) {
-            let ((width, height), spp) = (found.size(), found.passes());
-            return Err(Error::Usage(format!(
-                "{}: found {width}x{height} pixels after {spp} samples each, expected an image of the same scene, size, \
-                 light mode and seed",
-                path.display()
-            )));
-        }
-        notice(&format!("going on from {} after {} samples a pixel", path.display(), found.passes()));
-        from = found;
-    }
-
+    let from = begin(args, &scene, &settings)?;
     let mut watch = Watch::new(args, &settings);
     let (width, height) = settings.size;
     notice(&format!("rendering {width}x{height} pixels of {}; Ctrl-C saves what is done", scene.name));
@@ -146,38 +132,13 @@ pub fn run(args: &Args) -> Result<()> {
         (_, rendered) => rendered?,
     };
     let spp = image.accumulator.passes();
-    let note = |name: &str, value: String| (name.to_string(), value);
-    let provenance = [
-        note("scene", scene.name.clone()),
-        note("renderer", "reference".into()),
-        note("light", args.light.name().into()),
-        note("samples", spp.to_string()),
-        note("seed", args.seed.to_string()),
-    ];
-    let written = rescue::written_somewhere(&output, |path| image.write_exr(path, &provenance));
-
-    let noise = image.relative_noise();
-    let seconds = watch.began.elapsed().as_secs_f64();
-    notice(&format!(
-        "{}: {spp} samples a pixel in {seconds:.1} s, noise {:.2}%",
-        if written.is_ok() { output.display().to_string() } else { "rendered".into() },
-        100.0 * noise
-    ));
+    let written = write(args, &scene, &image, &output);
+    let (seconds, noise) = (watch.began.elapsed().as_secs_f64(), 100.0 * image.relative_noise());
+    let what = if written.is_ok() { output.display().to_string() } else { "rendered".into() };
+    notice(&format!("{what}: {spp} samples a pixel in {seconds:.1} s, noise {noise:.2}%"));
     if args.json {
-        print_json(&Report {
-            scene: &scene.name,
-            light: args.light.name(),
-            size: [image.size.0, image.size.1],
-            seed: args.seed,
-            spp,
-            relative_noise: noise,
-            mean: (image.mean.iter().sum::<glam::DVec3>() / image.mean.len() as f64).to_array(),
-            mean_standard_error: image.overall_error.to_array(),
-            seconds,
-            interrupted: unfinished.is_some(),
-            output: output.display().to_string(),
-            checkpoint: checkpoint.as_ref().map(|path| path.display().to_string()),
-        });
+        let interrupted = unfinished.is_some();
+        print_json(&report(args, &scene, &image, Ending { seconds, interrupted, output, checkpoint }));
     }
     // Not what was asked for: a script must not take it for that.
     let ended = match (unfinished, go_on) {
@@ -185,6 +146,61 @@ pub fn run(args: &Args) -> Result<()> {
         _ => Ok(()),
     };
     output::all([written, saved, ended])
+}
+
+/// The sums to go on from: those of the checkpoint, where there is one.
+fn begin(args: &Args, scene: &Scene, settings: &ReferenceSettings) -> Result<Accumulator> {
+    let new = reference::start(scene, settings)?;
+    let Some(path) = args.checkpoint.as_deref().filter(|path| path.exists()) else { return Ok(new) };
+    let found = Accumulator::load(path)?;
+    if !found.continues(&new) {
+        let ((width, height), spp) = (found.size(), found.passes());
+        return Err(Error::Usage(format!(
+            "{}: found {width}x{height} pixels after {spp} samples each, expected an image of the same scene, size, \
+             light mode and seed",
+            path.display()
+        )));
+    }
+    notice(&format!("going on from {} after {} samples a pixel", path.display(), found.passes()));
+    Ok(found)
+}
+
+/// Writes the image with its errors and its provenance, elsewhere if need be.
+fn write(args: &Args, scene: &Scene, image: &Reference, output: &Path) -> Result<()> {
+    let note = |name: &str, value: String| (name.to_string(), value);
+    let provenance = [
+        note("scene", scene.name.clone()),
+        note("renderer", "reference".into()),
+        note("light", args.light.name().into()),
+        note("samples", image.accumulator.passes().to_string()),
+        note("seed", args.seed.to_string()),
+    ];
+    rescue::written_somewhere(output, |path| image.write_exr(path, &provenance))
+}
+
+/// How a run ended.
+struct Ending {
+    seconds: f64,
+    interrupted: bool,
+    output: PathBuf,
+    checkpoint: Option<PathBuf>,
+}
+
+fn report<'a>(args: &Args, scene: &'a Scene, image: &Reference, ending: Ending) -> Report<'a> {
+    Report {
+        scene: &scene.name,
+        light: args.light.name(),
+        size: [image.size.0, image.size.1],
+        seed: args.seed,
+        spp: image.accumulator.passes(),
+        relative_noise: image.relative_noise(),
+        mean: (image.mean.iter().sum::<glam::DVec3>() / image.mean.len() as f64).to_array(),
+        mean_standard_error: image.overall_error.to_array(),
+        seconds: ending.seconds,
+        interrupted: ending.interrupted,
+        output: ending.output.display().to_string(),
+        checkpoint: ending.checkpoint.as_ref().map(|path| path.display().to_string()),
+    }
 }
 
 /// The command line's word, else the scene's, else the default.

@@ -1,11 +1,11 @@
 //! `photile render`: a scene file in, an image out.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
 use super::batches;
-use super::options::{BackendArg, RenderOptions};
+use super::options::{RenderOptions, choice};
 use super::passes::{self, PassOptions, Passes, Unfinished};
 use super::{notice, print_json, rescue};
 use crate::error::{Error, Result};
@@ -13,9 +13,10 @@ use crate::film::{SaveOptions, check_distinct, check_output};
 use crate::pipeline::change::Stage;
 use crate::pipeline::progressive;
 use crate::pipeline::{Devices, Pipeline, Times};
-use crate::settings::{Backend, GridForm, LightMode, Method};
+use crate::scene::Scene;
+use crate::settings::{Backend, GridForm, LightMode, Method, Settings, TechniqueKind};
 use crate::stage::map::MapCounts;
-use crate::techniques;
+use crate::techniques::Wish;
 
 /// Render a scene to a PNG or EXR file
 #[derive(clap::Args)]
@@ -28,8 +29,8 @@ pub struct Args {
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Which machine renders [default: opengl, else opencl, else cpu]
-    #[arg(long, value_enum)]
-    backend: Option<BackendArg>,
+    #[arg(long, value_parser = choice::<Backend>())]
+    backend: Option<Backend>,
     /// Exposure value: PNGs show radiance scaled by 2^EV
     #[arg(long, value_name = "EV", allow_negative_numbers = true)]
     exposure: Option<f32>,
@@ -62,7 +63,7 @@ struct Report<'a> {
     output: String,
     /// Passes in the picture, those of a checkpoint included.
     passes: u64,
-    technique: &'static str,
+    technique: TechniqueKind,
     /// Seconds of this run's passes, compilation apart.
     render_seconds: f64,
     /// Estimated: mean over the image of (standard error + bias) / radiance.
@@ -76,9 +77,9 @@ struct Report<'a> {
 
 pub fn run(args: &Args) -> Result<()> {
     let scene = args.options.load()?;
-    let mut settings = args.options.settings(&scene);
-    let mut wish = args.passes.wish(&args.options, &scene);
-    wish.settle(&scene, &mut settings.clone())?; // what contradicts itself is told before any driver is asked
+    let asked = args.options.settings(&scene);
+    let wish = args.passes.wish(&args.options, &scene);
+    wish.settle(&scene, &mut asked.clone())?; // what contradicts itself is told before any driver is asked
     let output = args.output.clone().unwrap_or_else(|| PathBuf::from(format!("{}.png", scene.name)));
     check_output(&output)?;
     check_distinct(&[("-o", Some(&output)), ("--checkpoint", args.passes.checkpoint.as_deref())])?;
@@ -87,110 +88,152 @@ pub fn run(args: &Args) -> Result<()> {
         return Err(Error::Usage(format!("found --exposure {exposure}, expected a finite number")));
     }
 
-    let machine = args.options.machine(args.backend.map(Backend::from));
-    let mut pipeline = Pipeline::open_for(&machine, [settings.width, settings.height], notice)?;
-    wish.on_gpu = pipeline.is_on_gpu();
-    wish.settle(&scene, &mut settings)?;
-    let chosen_paths = args.options.choose_paths(&scene, &mut settings)?;
-    let chosen = if args.backend.is_some() { "asked for" } else { "the first that works" };
-    notice(&format!("rendering with {} ({chosen}){}", pipeline.backend.name(), on_devices(&pipeline.devices)));
-
-    if let Some(chosen) = chosen_paths {
-        notice(&chosen);
-    }
-
+    let machine = args.options.machine(args.backend);
+    let mut pipeline = Pipeline::open_for(&machine, [asked.width, asked.height], notice)?;
+    let settings = settle(args, &scene, asked, wish, &pipeline)?;
     let picture = if args.passes.wanted(&scene) {
         passes::run(&mut pipeline, &scene, &settings, &args.passes)?
     } else {
         Passes::one(batches::render(&mut pipeline, &scene, &settings)?)
     };
-    let rendering = picture.last.as_ref();
-    let radius = rendering.and_then(|rendering| rendering.radius);
-    let photons = rendering.and_then(|rendering| rendering.photons);
-    let method = rendering.and_then(|rendering| rendering.method);
-    let warnings = crate::plan::warnings::of(&scene, &settings, radius);
+    let done = Done { scene: &scene, settings: &settings, pipeline: &pipeline, picture: &picture, output: &output };
+    let warnings = crate::plan::warnings::of(&scene, &settings, done.radius());
     for warning in &warnings {
         notice(&format!("warning: {warning}"));
     }
-    let note = |name: &str, value: String| (name.to_string(), value);
-    let provenance = [
-        note("scene", scene.name.clone()),
-        note("backend", pipeline.backend.name().into()),
-        note("samples", settings.samples.to_string()),
-        note("passes", picture.passes.to_string()),
-        note("seed", settings.seed.to_string()),
-    ];
-    let channels = picture.estimate.as_ref().map(progressive::channels).unwrap_or_default();
-    let options = SaveOptions { exposure, settings: &provenance, channels: &channels };
-    let written = rescue::written_somewhere(&output, |path| picture.image.save(path, &options));
-
-    let times = picture.times;
-    if let (Some(photons), Some(radius)) = (photons, radius) {
-        notice(&format!(
-            "{} paths emitted, {} photons stored, gathered by {} with radius {radius:.4} m",
-            photons.emitted,
-            photons.stored,
-            method.map_or("nothing", Method::name)
-        ));
-    }
-    let error = picture.estimate.as_ref().map(|estimate| estimate.relative);
-    if picture.passes > 1 {
-        let error = error.map(|error| format!(", error about {:.3}%", 100.0 * error)).unwrap_or_default();
-        notice(&format!("{} passes in {:.2} s{error}", picture.passes, picture.seconds));
-    }
-    notice(&format!(
-        "{} in {:.1} ms (compile {:.1}, emit {:.1}, grid {:.1}, tiles {:.1}, upload {:.1}, trace {:.1}, readback {:.1})",
-        if written.is_ok() { output.display().to_string() } else { "rendered".into() },
-        times.total,
-        times.compile,
-        times.emit,
-        times.grid,
-        times.tiles,
-        times.upload,
-        times.trace,
-        times.readback
-    ));
+    let written = done.save(exposure);
+    done.tell(written.is_ok());
     if args.json {
+        print_json(&done.report(warnings));
+    }
+    written.and(ended(picture, &output))
+}
+
+/// What the user left open is settled for the backend that was opened, and told.
+fn settle(args: &Args, scene: &Scene, asked: Settings, wish: Wish, pipeline: &Pipeline) -> Result<Settings> {
+    let mut settings = asked;
+    Wish { on_gpu: pipeline.is_on_gpu(), ..wish }.settle(scene, &mut settings)?;
+    let chosen_paths = args.options.choose_paths(scene, &mut settings)?;
+    let chosen = if args.backend.is_some() { "asked for" } else { "the first that works" };
+    notice(&format!("rendering with {} ({chosen}){}", pipeline.backend.name(), on_devices(&pipeline.devices)));
+    if let Some(chosen) = chosen_paths {
+        notice(&chosen);
+    }
+    Ok(settings)
+}
+
+/// A picture, and what it was made from and with.
+struct Done<'a> {
+    scene: &'a Scene,
+    settings: &'a Settings,
+    pipeline: &'a Pipeline,
+    picture: &'a Passes,
+    output: &'a Path,
+}
+
+impl Done<'_> {
+    /// The radius of the last pass, metres.
+    fn radius(&self) -> Option<f32> {
+        self.picture.last.as_ref().and_then(|last| last.radius)
+    }
+
+    /// Writes the image, with its provenance and the estimate's channels, elsewhere if need be.
+    fn save(&self, exposure: f32) -> Result<()> {
+        let note = |name: &str, value: String| (name.to_string(), value);
+        let provenance = [
+            note("scene", self.scene.name.clone()),
+            note("backend", self.pipeline.backend.name().into()),
+            note("samples", self.settings.samples.to_string()),
+            note("passes", self.picture.passes.to_string()),
+            note("seed", self.settings.seed.to_string()),
+        ];
+        let channels = self.picture.estimate.as_ref().map(progressive::channels).unwrap_or_default();
+        let options = SaveOptions { exposure, settings: &provenance, channels: &channels };
+        rescue::written_somewhere(self.output, |path| self.picture.image.save(path, &options))
+    }
+
+    /// The picture's estimated error, relative and as a mean over the image.
+    fn error(&self) -> Option<f64> {
+        self.picture.estimate.as_ref().map(|estimate| estimate.relative)
+    }
+
+    /// Says on stderr how it was made, and how long that took.
+    fn tell(&self, is_written: bool) {
+        let (picture, times) = (self.picture, &self.picture.times);
+        let photons = picture.last.as_ref().and_then(|last| last.photons.map(|photons| (photons, last.method)));
+        if let (Some((photons, method)), Some(radius)) = (photons, self.radius()) {
+            notice(&format!(
+                "{} paths emitted, {} photons stored, gathered by {} with radius {radius:.4} m",
+                photons.emitted,
+                photons.stored,
+                method.map_or("nothing", Method::name)
+            ));
+        }
+        if picture.passes > 1 {
+            let error = self.error().map(|error| format!(", error about {:.3}%", 100.0 * error)).unwrap_or_default();
+            notice(&format!("{} passes in {:.2} s{error}", picture.passes, picture.seconds));
+        }
+        let parts = [
+            ("compile", times.compile),
+            ("emit", times.emit),
+            ("grid", times.grid),
+            ("tiles", times.tiles),
+            ("upload", times.upload),
+            ("trace", times.trace),
+            ("readback", times.readback),
+        ];
+        let parts = parts.map(|(stage, ms)| format!("{stage} {ms:.1}")).join(", ");
+        let what = if is_written { self.output.display().to_string() } else { "rendered".into() };
+        notice(&format!("{what} in {:.1} ms ({parts})", times.total));
+    }
+
+    /// What `--json` prints.
+    fn report(&self, warnings: Vec<String>) -> Report<'_> {
+        let (settings, picture, last) = (self.settings, self.picture, self.picture.last.as_ref());
         let longest = crate::device::submissions::longest();
-        print_json(&Report {
-            scene: &scene.name,
-            backend: pipeline.backend,
-            gather: method.unwrap_or(settings.gather.method),
+        Report {
+            scene: &self.scene.name,
+            backend: self.pipeline.backend,
+            gather: last.and_then(|last| last.method).unwrap_or(settings.gather.method),
             light: settings.light,
-            radius,
-            grid_form: rendering.and_then(|rendering| rendering.form),
-            photons,
-            uploads: rendering.map_or(0, |rendering| rendering.uploads),
+            radius: self.radius(),
+            grid_form: last.and_then(|last| last.form),
+            photons: last.and_then(|last| last.photons),
+            uploads: last.map_or(0, |last| last.uploads),
             size: [settings.width, settings.height],
             samples: settings.samples,
             seed: settings.seed,
-            time_ms: times,
-            skipped: rendering.map_or_else(|| Stage::ALL.to_vec(), |rendering| rendering.skipped.clone()),
-            devices: &pipeline.devices,
-            memory_bytes: pipeline.bytes(),
-            memory_most_opencl_bytes: pipeline.most_bytes(),
-            output: output.display().to_string(),
+            time_ms: picture.times,
+            skipped: last.map_or_else(|| Stage::ALL.to_vec(), |last| last.skipped.clone()),
+            devices: &self.pipeline.devices,
+            memory_bytes: self.pipeline.bytes(),
+            memory_most_opencl_bytes: self.pipeline.most_bytes(),
+            output: self.output.display().to_string(),
             passes: picture.passes,
-            technique: techniques::asked(&settings).name,
+            technique: settings.technique.kind(),
             render_seconds: picture.seconds,
-            error,
+            error: self.error(),
             interrupted: matches!(picture.unfinished, Some(Unfinished::Interrupted)),
             warnings,
             longest_submission_ms: longest.0,
             longest_submission: longest.1,
-        });
+        }
     }
-    // Not what was asked for: a script must not take it for that.
-    let (passes, kept) = match (&picture.checkpoint, &picture.unfinished) {
-        (Some(path), _) => (picture.passes, format!("go on with --checkpoint {}", path.display())),
-        (None, _) => (picture.passes, format!("{} holds what was done", output.display())),
+}
+
+/// An unfinished picture is not what was asked for: a script must not take it for that.
+fn ended(picture: Passes, output: &Path) -> Result<()> {
+    let passes = picture.passes;
+    let kept = match &picture.checkpoint {
+        Some(path) => format!("go on with --checkpoint {}", path.display()),
+        None => format!("{} holds what was done", output.display()),
     };
-    written.and(match picture.unfinished {
+    match picture.unfinished {
         None => Ok(()),
         Some(Unfinished::Interrupted) => Err(Error::Failed(format!("interrupted after {passes} passes; {kept}"))),
         Some(Unfinished::Failed(error)) => Err(Error::Failed(format!("{error}; after {passes} passes: {kept}"))),
         Some(Unfinished::Unsaved(error)) => Err(error),
-    })
+    }
 }
 
 /// The devices at work, for a line: the one that traces first, and where another makes the photons, that too.

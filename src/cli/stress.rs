@@ -4,10 +4,11 @@ use std::path::PathBuf;
 
 use clap::ValueEnum;
 
-use super::options::{BackendArg, parse_device};
+use super::options::{choice, parse_device};
 use super::{output, print_json, stop_on_signal};
 use crate::error::{Error, Result};
 use crate::film::check_directory;
+use crate::settings::Backend;
 use crate::stress::{Fault, Options, Progress, Size, Suite, run as stress};
 
 /// Stress numerical stability: every backend against double precision, with a bound on every figure
@@ -17,8 +18,8 @@ pub struct Args {
     #[arg(long, value_name = "SUITE,...", value_delimiter = ',', value_parser = parse_suite)]
     suite: Vec<Suite>,
     /// Which backends to test
-    #[arg(long, value_enum, value_delimiter = ',', default_values = ["opengl", "opencl", "cpu"])]
-    backend: Vec<BackendArg>,
+    #[arg(long, value_parser = choice::<Backend>(), value_delimiter = ',', default_values = Backend::ALL.map(Backend::name))]
+    backend: Vec<Backend>,
     /// OpenCL device to use: its number as doctor counts them, such as #2 or 2, or part of its name
     #[arg(long, value_name = "DEVICE", value_parser = parse_device)]
     device: Option<String>,
@@ -66,7 +67,7 @@ pub fn run(args: &Args) -> Result<()> {
     let suites = if args.suite.is_empty() { Suite::ALL.to_vec() } else { args.suite.clone() };
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let options = Options {
-        backends: args.backend.iter().map(|backend| (*backend).into()).collect(),
+        backends: args.backend.clone(),
         device: args.device.clone(),
         threads: args.threads.map_or(cores, usize::from),
         size: match args.size {

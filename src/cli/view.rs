@@ -4,7 +4,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::options::{BackendArg, RenderOptions};
+use super::options::{RenderOptions, choice};
 use super::passes::TechniqueOptions;
 use super::{notice, print_json, stop_on_signal};
 use crate::error::{Error, Result};
@@ -22,8 +22,8 @@ pub struct Args {
     #[command(flatten)]
     options: RenderOptions,
     /// Which machine renders [default: opengl; B changes it]
-    #[arg(long, value_enum)]
-    backend: Option<BackendArg>,
+    #[arg(long, value_parser = choice::<Backend>())]
+    backend: Option<Backend>,
     /// Milliseconds that a frame may take while things move [default: 33 on a GPU, 100 on software OpenGL]
     #[arg(long, value_name = "MS", value_parser = clap::value_parser!(u32).range(1..=60_000))]
     budget: Option<u32>,
@@ -80,7 +80,7 @@ pub fn run(args: &Args, started: Instant) -> Result<()> {
     let wish = args.technique.wish(&args.options, &scene);
     wish.settle(&scene, &mut settings.clone())?; // what contradicts itself is refused here as by render
     let script = args.script.as_deref().map(Script::load).transpose()?;
-    let machine = args.options.machine(args.backend.map(Backend::from));
+    let machine = args.options.machine(args.backend);
     let budget = match args.budget {
         _ if args.full_quality => Budget::None,
         None => Budget::Usual,

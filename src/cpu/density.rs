@@ -81,7 +81,7 @@ pub fn lost_beyond(kernel: DensityKernel, cuts: &[Cut], i: usize, normal: Vec3) 
 
 /// The kernel's integral over the part of the disc on the query point's side of every plane.
 pub fn visible_part(scene: &SceneTables, gathering: &Gathering, surface: &Surface, inverse_radius: f32) -> f32 {
-    let kernel = gathering.kernel;
+    let kernel = gathering.density_kernel;
     let on = SurfaceOf {
         shape: &scene.shapes[surface.shape],
         is_own: false,
@@ -207,7 +207,7 @@ mod tests {
         let scene = SceneTables::new(&packed, &features);
         let normal = (tilt * DVec3::Z).as_vec3();
         let surface = Surface { position: position.as_vec3(), normal, shape: 0, side: 1.0 };
-        let gathering = Gathering { kernel, ..Gathering::default() };
+        let gathering = Gathering { density_kernel: kernel, ..Gathering::default() };
         f64::from(visible_part(&scene, &gathering, &surface, 1.0 / radius as f32))
     }
 

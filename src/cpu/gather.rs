@@ -9,7 +9,7 @@ use super::grid::{
     GridTables, PhotonTables, cell_along, cell_axes, cells_of, dense_row, face_of, grid_axes, hashed_row, is_endless,
 };
 use super::tiles::{TileTables, find_region, scatters};
-use crate::plan::cells::Plan;
+use crate::plan::cells::GridPlan;
 use crate::plan::tiling;
 use crate::program::gathering::{Gathering, Method};
 use crate::rays::bsdf::ggx;
@@ -23,13 +23,13 @@ pub struct PhotonMap<'a> {
     /// How it is gathered.
     pub gathering: &'a Gathering,
     /// Radius, cells, faces.
-    pub plan: &'a Plan,
+    pub plan: &'a GridPlan,
     /// In path order: what [`Method::Brute`] and methods with tiles read.
     pub stored: PhotonTables<'a>,
     /// In the order of cells: what the others read.
     pub grid: &'a GridTables,
     /// Lists of stored photons: what [`Method::Tiles`] and [`Method::TiledGrid`] read.
-    pub tiles: Option<(&'a tiling::Plan, &'a TileTables)>,
+    pub tiles: Option<(&'a tiling::TilePlan, &'a TileTables)>,
 }
 
 /// What the photons around a point sum up to.
@@ -185,7 +185,7 @@ pub fn photon_radiance(scene: &SceneTables, map: &PhotonMap, surface: &Surface, 
         return Vec3::ZERO;
     }
     let face = surface.face_left();
-    let kernel = map.gathering.kernel;
+    let kernel = map.gathering.density_kernel;
     let mut inverse_radius = map.plan.gather.inverse_radius;
     let stored = map.gathering.method.reads_stored();
 

@@ -1,6 +1,6 @@
 //! Twin of `kernels/grid.cl`, `kernels/sort.cl` and `glsl/shared/cell.glsl`: photons sorted into cells.
 
-use crate::plan::cells::{Bounds, Plan};
+use crate::plan::cells::{Bounds, GridPlan};
 use crate::records::{Face, Gather, PhotonDirection, PhotonPosition, PhotonPower};
 
 /// A photon map as it was stored, in path order.
@@ -100,7 +100,7 @@ pub fn grid_bounds(photons: &PhotonTables, faces: usize) -> Vec<Bounds> {
 }
 
 /// Number of each photon's cell in the table.
-pub fn grid_keys(photons: &PhotonTables, plan: &Plan) -> Vec<u32> {
+pub fn grid_keys(photons: &PhotonTables, plan: &GridPlan) -> Vec<u32> {
     let key = |(position, surface): (&PhotonPosition, &PhotonSurface)| {
         let face = &plan.faces[face_of(surface)];
         let [u, v, w] = cells_of(position, face, &plan.gather);
@@ -114,7 +114,7 @@ pub fn grid_keys(photons: &PhotonTables, plan: &Plan) -> Vec<u32> {
 }
 
 /// Sorts a photon map into a planned grid; within a cell photons keep the order of their numbers.
-pub fn grid(photons: &PhotonTables, plan: &Plan) -> GridTables {
+pub fn grid(photons: &PhotonTables, plan: &GridPlan) -> GridTables {
     let keys = grid_keys(photons, plan);
     let mut order: Vec<u32> = (0..keys.len() as u32).collect();
     order.sort_by_key(|i| keys[*i as usize]);

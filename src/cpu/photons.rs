@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::grid::PhotonSurface;
 use crate::error::{Error, Result};
-use crate::rays::emission::{Amount, Emission, Plan};
+use crate::rays::emission::{Amount, Emission, EmissionPlan};
 use crate::rays::random::hash2_u;
 use crate::rays::scene::{SceneTables, Surface};
 use crate::rays::walk::{Photon, emit_photon, scatter};
@@ -44,7 +44,7 @@ pub fn fruitless(wanted: u32, stored: u64, paths: u32) -> Error {
 /// Walks one path and shows every photon that it deposits, with the surface that it lies on.
 pub fn walk_photons(
     scene: &SceneTables,
-    plan: &Plan,
+    plan: &EmissionPlan,
     emitters: &[Emitter],
     emission: &Emission,
     path: u32,
@@ -67,7 +67,7 @@ pub fn walk_photons(
 /// Walks paths `[first, end)` and stores.
 pub fn walk_paths(
     scene: &SceneTables,
-    plan: &Plan,
+    plan: &EmissionPlan,
     emitters: &[Emitter],
     emission: &Emission,
     first: u32,
@@ -120,7 +120,14 @@ impl PhotonTables {
 }
 
 /// All paths of a pass on the calling thread's rayon pool, in path order.
-fn walk_all(scene: &SceneTables, plan: &Plan, emission: &Emission, first: u32, end: u32, paths: u32) -> PhotonTables {
+fn walk_all(
+    scene: &SceneTables,
+    plan: &EmissionPlan,
+    emission: &Emission,
+    first: u32,
+    end: u32,
+    paths: u32,
+) -> PhotonTables {
     let emitters = plan.emitters(paths);
     const CHUNK: u32 = 4096;
     let chunks: Vec<u32> = (first..end).step_by(CHUNK as usize).collect();
@@ -137,7 +144,7 @@ fn walk_all(scene: &SceneTables, plan: &Plan, emission: &Emission, first: u32, e
 ///
 /// # Errors
 /// [`Error::Usage`] when photons are to be stored where nothing can be hit.
-pub fn photons(scene: &SceneTables, plan: &Plan, emission: &Emission) -> Result<PhotonTables> {
+pub fn photons(scene: &SceneTables, plan: &EmissionPlan, emission: &Emission) -> Result<PhotonTables> {
     let wanted = match emission.amount {
         Amount::Paths(paths) if plan.is_empty() => return Ok(PhotonTables { emitted: paths, ..Default::default() }),
         Amount::Paths(paths) => return Ok(walk_all(scene, plan, emission, 0, paths, paths)),

@@ -5,8 +5,8 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use rayon::prelude::*;
 
 use super::photons::{stream_of, walk_photons};
-use crate::plan::charts::{Charts, Window};
-use crate::rays::emission::{Emission, Plan, Quanta};
+use crate::plan::charts::{Charts, Neighbourhood};
+use crate::rays::emission::{Emission, EmissionPlan, Quanta};
 use crate::rays::random::unit_real;
 use crate::rays::scene::{SceneTables, Surface};
 use crate::rays::shapes;
@@ -27,7 +27,13 @@ pub fn texel_of(scene: &SceneTables, charts: &[Chart], surface: &Surface) -> usi
 }
 
 /// Walks a pass's paths and adds what they bring to the texels, on the calling thread's rayon pool.
-pub fn irradiance(scene: &SceneTables, plan: &Plan, charts: &Charts, emission: &Emission, paths: u32) -> Vec<Texel> {
+pub fn irradiance(
+    scene: &SceneTables,
+    plan: &EmissionPlan,
+    charts: &Charts,
+    emission: &Emission,
+    paths: u32,
+) -> Vec<Texel> {
     let emitters = plan.emitters(paths);
     let quanta = Quanta::of(&emitters, paths);
     let stream = stream_of(emission.seed, emission.pass);
@@ -46,14 +52,14 @@ pub fn irradiance(scene: &SceneTables, plan: &Plan, charts: &Charts, emission: &
     });
     let watts = quanta.watts;
     let sums: Vec<u32> = sums.into_iter().map(AtomicU32::into_inner).collect();
-    let texel = |(i, (inverse_area, window)): (usize, (&f32, &Window))| {
+    let texel = |(i, (inverse_area, neighbourhood)): (usize, (&f32, &Neighbourhood))| {
         let mut quanta = [0u32; 3];
         if *inverse_area > 0.0 {
-            for texel in window.texels(i).map(|i| &sums[3 * i..3 * i + 3]) {
+            for texel in neighbourhood.texels(i).map(|i| &sums[3 * i..3 * i + 3]) {
                 (0..3).for_each(|channel| quanta[channel] += texel[channel]);
             }
         }
         Texel { irradiance: quanta.map(|quanta| quanta as f32 * (inverse_area * watts)) }
     };
-    charts.inverse_areas.par_iter().zip(&charts.windows).enumerate().map(texel).collect()
+    charts.inverse_areas.par_iter().zip(&charts.neighbourhoods).enumerate().map(texel).collect()
 }

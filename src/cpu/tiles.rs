@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::grid::{PhotonTables, cell_along, face_of, grid_axes};
 use crate::plan::cells::Bounds;
-use crate::plan::tiling::{Plan, Seen, tiles_of};
+use crate::plan::tiling::{Seen, TilePlan, tiles_of};
 use crate::rays::camera::sample_direction;
 use crate::rays::scene::SceneTables;
 use crate::records::{Frame, Gather, Material, Region};
@@ -95,7 +95,7 @@ fn cell_of(p: Vec3, region: &Region) -> u32 {
 }
 
 /// Calls `visit` with the tile's number and the region for each region that a photon's disc can touch.
-pub fn enter(plan: &Plan, frame: &Frame, p: Vec3, face: usize, mut visit: impl FnMut(usize, &Region)) {
+pub fn enter(plan: &TilePlan, frame: &Frame, p: Vec3, face: usize, mut visit: impl FnMut(usize, &Region)) {
     let Gather { radius, tile_width, tile_height, .. } = plan.gather;
     let [eye, right, up, forward] = [frame.position, frame.right, frame.up, frame.forward].map(Vec3::from);
     let away = p - eye;
@@ -131,7 +131,7 @@ pub fn enter(plan: &Plan, frame: &Frame, p: Vec3, face: usize, mut visit: impl F
 ///
 /// # Errors
 /// [`crate::error::Error::Usage`] when the lists are longer than a float can count.
-pub fn tiles(photons: &PhotonTables, plan: &Plan, frame: &Frame) -> crate::error::Result<TileTables> {
+pub fn tiles(photons: &PhotonTables, plan: &TilePlan, frame: &Frame) -> crate::error::Result<TileTables> {
     let mut pairs = Vec::<(u32, u32)>::new();
     for (i, (position, surface)) in photons.positions.iter().zip(photons.surfaces).enumerate() {
         let p = Vec3::from(position.position);
@@ -150,7 +150,7 @@ pub fn tiles(photons: &PhotonTables, plan: &Plan, frame: &Frame) -> crate::error
 }
 
 /// The region of a tile that holds a point of a face.
-pub fn find_region(plan: &Plan, tile: usize, face: usize, point: Vec3) -> Option<&Region> {
+pub fn find_region(plan: &TilePlan, tile: usize, face: usize, point: Vec3) -> Option<&Region> {
     let tile = &plan.tiles[tile];
     let first = tile.first as usize;
     let region = plan.regions[first..first + tile.count as usize].iter().find(|r| r.face as usize == face)?;

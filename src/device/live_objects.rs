@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicI64, Ordering};
 
 /// Kinds of objects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum Api {
     /// Programs, textures, targets and the like.
     OpenGl,
     /// Buffers and devices in use.
@@ -15,11 +15,11 @@ static ALIVE: [AtomicI64; 2] = [AtomicI64::new(0), AtomicI64::new(0)];
 
 /// Goes with an object: counts it as long as it lives.
 #[derive(Debug)]
-pub struct Counted(Kind);
+pub struct Counted(Api);
 
 impl Counted {
-    /// One more.
-    pub fn new(kind: Kind) -> Counted {
+    /// Counts one more object of this kind.
+    pub fn new(kind: Api) -> Counted {
         ALIVE[kind as usize].fetch_add(1, Ordering::Relaxed);
         Counted(kind)
     }
@@ -32,6 +32,6 @@ impl Drop for Counted {
 }
 
 /// Objects of a kind that are alive in this process.
-pub fn alive(kind: Kind) -> i64 {
+pub fn alive(kind: Api) -> i64 {
     ALIVE[kind as usize].load(Ordering::Relaxed)
 }

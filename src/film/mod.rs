@@ -28,7 +28,7 @@ const MAX_PIXELS: u64 = 1 << 28;
 pub struct Image {
     /// Pixels in a row.
     pub width: u32,
-    /// Rows.
+    /// Rows of pixels.
     pub height: u32,
     /// Row after row, row 0 at the top; `width · height` of them.
     pub pixels: Vec<[f32; 3]>,
@@ -55,7 +55,7 @@ pub struct SaveOptions<'a> {
 }
 
 impl Image {
-    /// A black image.
+    /// An image of so many pixels, all black.
     pub fn new(width: u32, height: u32) -> Image {
         Image { width, height, pixels: vec![[0.0; 3]; width as usize * height as usize] }
     }

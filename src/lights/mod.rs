@@ -56,7 +56,7 @@ macro_rules! lights {
             pub fn read(root: &Table) -> Read<Lights> {
                 let mut lights = Lights::default();
                 root.list("lights", "[[lights]]", |table| {
-                    let kind = table.get("kind").map_or(Ok(Lights::KINDS[0].to_owned()), |k| k.choice(Lights::KINDS))?;
+                    let kind = table.get("kind").map_or(Ok(Lights::KINDS[0]), |k| k.word(Lights::KINDS))?;
                     $(
                         if kind == stringify!($module) {
                             lights.$list.push($kind::read(table)?);

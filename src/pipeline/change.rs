@@ -1,5 +1,8 @@
 //! What can change between two pictures, and which stages that makes stale: one table, read top to bottom. Nothing else
 //! decides what is rebuilt.
+//!
+//! A stage that runs may find that what it keeps of the scene still stands: then the scene is of the generation that it
+//! was made from (`records::packed_scene`). Programs that were built before are found again.
 
 pub use crate::stage::Stage;
 

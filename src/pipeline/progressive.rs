@@ -18,7 +18,7 @@ use crate::rays::random::hash2_u;
 use crate::records::MAX_EXACT_INDEX;
 use crate::scene::Scene;
 use crate::settings::{Amount, Pass, Settings};
-use crate::techniques;
+use crate::techniques::{self, Mean};
 
 /// An unfinished picture.
 pub struct Progressive {
@@ -155,7 +155,7 @@ impl Progressive {
         let (mean, standard_error) = self.sums.image()?;
         let (passes, size) = (self.sums.passes(), self.sums.size());
         let bias = match &techniques::asked(&self.settings).bias {
-            Some(bias) => (bias.estimate)(self.bias_sums(), &mean, passes, size),
+            Some(bias) => (bias.estimate)(self.bias_sums(), &Mean { pixels: &mean, passes, size }),
             None => Vec::new(),
         };
         let luminance = DVec3::new(0.2126, 0.7152, 0.0722);

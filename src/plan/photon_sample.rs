@@ -4,8 +4,8 @@ use crate::records::PhotonPosition;
 
 /// The first photons of a map, from which the rest is judged.
 pub struct Sample {
-    /// Where.
+    /// Scene space, metres.
     pub positions: Vec<PhotonPosition>,
-    /// On what: 2·object + (0 | 1).
+    /// The face that each lies on: 2·object + (0 | 1).
     pub faces: Vec<u32>,
 }

@@ -56,7 +56,7 @@ pub fn choose(scene: &SceneTables, frame: &Frame, sample: &Sample, stored: u64) 
 /// Columns and rows of the coarse raster of pixels that is looked at.
 const COLUMNS: usize = 16;
 const ROWS: usize = 12;
-/// Its pixels.
+/// Pixels of the raster.
 pub(crate) const RASTER: usize = COLUMNS * ROWS;
 
 /// What a coarse raster of pixels sees: points, with object and side.

@@ -12,7 +12,7 @@ pub struct Gathering {
     /// How photons are found.
     pub method: Method,
     /// How they are weighed.
-    pub kernel: DensityKernel,
+    pub density_kernel: DensityKernel,
     /// The grid is in its hashed form.
     pub hashed: bool,
     /// A plane may cut the disc around some point.
@@ -83,7 +83,8 @@ impl Gathering {
 
     /// The `#define`s of this permutation.
     pub fn defines(&self) -> Vec<String> {
-        let mut defines = vec!["HAS_PHOTONS".to_string(), self.kernel.define().to_string()];
+        let kernel = format!("KERNEL_{}", self.density_kernel.name().to_uppercase());
+        let mut defines = vec!["HAS_PHOTONS".to_string(), kernel];
         let mut add = |on: bool, name: &str| {
             if on {
                 defines.push(name.to_string());
@@ -104,7 +105,7 @@ impl Gathering {
     pub fn reachable() -> Vec<Gathering> {
         let all = [false, true];
         let mut reachable = Vec::new();
-        for kernel in DensityKernel::ALL {
+        for density_kernel in DensityKernel::ALL {
             for (method, hashed) in [
                 (Method::Grid, false),
                 (Method::Grid, true),
@@ -117,7 +118,7 @@ impl Gathering {
                 for (clip, both_sides) in all.into_iter().flat_map(|a| all.map(|b| (a, b))) {
                     for footprints in all {
                         if clip || !(both_sides || footprints) {
-                            reachable.push(Gathering { method, kernel, hashed, clip, both_sides, footprints });
+                            reachable.push(Gathering { method, density_kernel, hashed, clip, both_sides, footprints });
                         }
                     }
                 }

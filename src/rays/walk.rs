@@ -6,7 +6,7 @@ use super::bsdf::smith_v;
 use super::camera::normalize3;
 use super::random::{R4_STEPS, hash_u, sequence_u, unit_real};
 use super::scene::{SceneTables, Surface};
-use crate::rays::emission::{CELL_BITS, CELLS, COLUMNS_LOG2, PART_BITS, Plan, ROWS_LOG2, Sampler};
+use crate::rays::emission::{CELL_BITS, CELLS, COLUMNS_LOG2, EmissionPlan, PART_BITS, ROWS_LOG2, Sampler};
 use crate::records::Emitter;
 
 /// (cos, sin) of 2π·(turn/2³² − 1/8).
@@ -100,7 +100,7 @@ pub fn number_u(key: u32, dimension: u32) -> u32 {
 }
 
 /// The start of a path; paths count from 0 over all lights. `stream`: hash of seed and pass.
-pub fn emit_photon(plan: &Plan, emitters: &[Emitter], sampler: Sampler, path: u32, stream: u32) -> Photon {
+pub fn emit_photon(plan: &EmissionPlan, emitters: &[Emitter], sampler: Sampler, path: u32, stream: u32) -> Photon {
     let key = hash_u(path ^ stream);
     let slot = plan.slots[(path & ((1 << plan.slots_log2) - 1)) as usize];
     let light = slot >> plan.slots_log2;

@@ -8,6 +8,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::error::{Position, SceneError, near};
+use crate::settings::Choice;
 
 /// Result of reading one thing from a scene file.
 pub type Read<T> = Result<T, Box<SceneError>>;
@@ -199,7 +200,7 @@ impl<'a> Field<'a> {
             .ok_or_else(|| self.wrong(expected))
     }
 
-    /// A string.
+    /// The value if it is a string, else an error that says what was expected.
     pub fn string(&self, expected: &str) -> Read<&'a str> {
         match self.value.get_ref() {
             DeValue::String(string) => Ok(string),
@@ -208,15 +209,20 @@ impl<'a> Field<'a> {
     }
 
     /// One of a few words.
-    pub fn choice(&self, words: &[&'static str]) -> Read<String> {
+    pub fn word(&self, words: &[&'static str]) -> Read<&'static str> {
         let expected = format!("one of \"{}\"", words.join("\", \""));
-        let word = self.string(&expected)?;
-        if words.contains(&word) {
-            return Ok(word.to_owned());
-        }
-        let mut error = self.wrong(expected);
-        error.did_you_mean = near(word, words.iter().copied());
-        Err(error)
+        let found = self.string(&expected)?;
+        words.iter().find(|word| **word == found).copied().ok_or_else(|| {
+            let mut error = self.wrong(expected);
+            error.did_you_mean = near(found, words.iter().copied());
+            error
+        })
+    }
+
+    /// One of the ways that users can name.
+    pub fn choice<T: Choice>(&self) -> Read<T> {
+        let names: Vec<_> = T::offered().map(|row| row.name).collect();
+        Ok(T::named(self.word(&names)?).expect("one of its own names"))
     }
 
     /// An array of exactly `N` values; `expected` shows how it is written.

@@ -41,7 +41,7 @@ impl Agreement {
 /// An image and what is known of its errors; those of an exact image are zero.
 #[derive(Clone, Copy, Debug)]
 pub struct Measured<'a> {
-    /// Per pixel.
+    /// Radiance of each pixel.
     pub values: &'a [DVec3],
     /// Standard error per pixel.
     pub errors: &'a [DVec3],

@@ -14,7 +14,7 @@ use super::shapes::SurfaceId;
 /// A point on one side of a surface.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Anchor {
-    /// World space.
+    /// A place on the surface: world space, metres.
     pub position: DVec3,
     /// Unit, on the side whose irradiance is meant.
     pub normal: DVec3,

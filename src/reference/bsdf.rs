@@ -26,7 +26,7 @@ pub(super) struct Evaluation {
 pub(super) struct Scatter {
     /// Where the path goes on, unit.
     pub direction: DVec3,
-    /// f·|cos|/pdf.
+    /// What the throughput is multiplied by: f·|cos|/pdf.
     pub weight: DVec3,
     /// Density of `direction`, per steradian; 0 for a delta lobe.
     pub pdf: f64,
@@ -38,14 +38,14 @@ pub(super) struct Scatter {
 
 /// A material with everything that does not depend on directions worked out.
 pub(super) struct Bsdf {
-    /// kd·c/π.
+    /// The Lambertian lobe, kd·c/π, per steradian.
     diffuse: DVec3,
     /// ks of the rough lobe; 0 where the lobe is a mirror.
     glossy: f64,
     alpha: f64,
-    /// ks of the mirror.
+    /// Share of the perfect mirror, ks.
     mirror: f64,
-    /// kt.
+    /// Share of the smooth dielectric, kt.
     dielectric: f64,
     ior: f64,
     /// Probabilities of sampling the diffuse, glossy, mirror and dielectric lobes; sum 1, or all 0 for a black surface.

@@ -39,7 +39,7 @@ use technique::{TECHNIQUE, Technique};
 /// Which light the image holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ReferenceLight {
-    /// All of it.
+    /// Light of any number of bounces.
     #[default]
     Full,
     /// Light → first diffuse or glossy surface → camera.

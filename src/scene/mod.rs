@@ -6,6 +6,7 @@ use glam::DVec3;
 
 use crate::lights::Lights;
 use crate::materials::Material;
+use crate::settings::{LightMode, Method};
 use crate::shapes::Shapes;
 
 mod check;
@@ -14,12 +15,6 @@ mod sections;
 
 pub use crate::reading::{Position, SceneError};
 pub use parse::{MAX_FILE_BYTES, load, parse, parse_bytes};
-
-/// Ways of gathering photons: the words of `[render] gather` and of `--gather`.
-pub const GATHER_NAMES: [&str; 5] = ["grid", "tiles", "tiled-grid", "knn", "brute"];
-
-/// Who carries direct light: the words of `[render] light` and of `--light`.
-pub const LIGHT_NAMES: [&str; 3] = ["hybrid", "photons", "direct"];
 
 /// The largest width or height of an image, pixels.
 pub const MAX_IMAGE_SIDE: u32 = 65_536;
@@ -46,10 +41,10 @@ pub struct RenderDefaults {
     pub photons: Option<u64>,
     /// Gather radius, metres.
     pub radius: Option<f64>,
-    /// Name of the gather method, as on the command line.
-    pub gather: Option<String>,
-    /// Name of the light mode, as on the command line.
-    pub light: Option<String>,
+    /// How photons are found.
+    pub gather: Option<Method>,
+    /// Who carries direct light.
+    pub light: Option<LightMode>,
     /// Number of passes.
     pub passes: Option<u32>,
     /// Exposure value: radiance is scaled by 2^EV before tone mapping.

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::check::{self, *};
-use super::{Camera, GATHER_NAMES, LIGHT_NAMES, MAX_IMAGE_SIDE, RenderDefaults, Scene};
+use super::{Camera, MAX_IMAGE_SIDE, RenderDefaults, Scene};
 use crate::lights::Lights;
 use crate::materials::Material;
 use crate::reading::rules::{COORDINATE, DIRECTION, RADIUS};
@@ -67,8 +67,8 @@ fn render(table: &Table) -> Read<RenderDefaults> {
             .map(|field| field.integer(1..=i64::MAX as u64, "a whole number of photons > 0"))
             .transpose()?,
         radius: get("radius").map(|field| field.number(&RADIUS)).transpose()?,
-        gather: get("gather").map(|field| field.choice(&GATHER_NAMES)).transpose()?,
-        light: get("light").map(|field| field.choice(&LIGHT_NAMES)).transpose()?,
+        gather: get("gather").map(|field| field.choice()).transpose()?,
+        light: get("light").map(|field| field.choice()).transpose()?,
         passes: get("passes")
             .map(|field| field.integer(1..=u32::MAX.into(), "a whole number of passes > 0"))
             .transpose()?

@@ -131,6 +131,8 @@ trait List {
     fn len(&self) -> usize;
     fn at(&self, i: usize) -> &dyn Shape;
     fn warnings(&self, view: &View) -> Vec<String>;
+    fn nearest(&self, origin: DVec3, direction: DVec3) -> Option<(usize, f64)>;
+    fn is_met(&self, origin: DVec3, direction: DVec3, own: Option<usize>) -> bool;
 }
 
 impl<S: Shape> List for Vec<S> {
@@ -144,6 +146,16 @@ impl<S: Shape> List for Vec<S> {
 
     fn warnings(&self, view: &View) -> Vec<String> {
         S::warnings(self, view)
+    }
+
+    fn nearest(&self, origin: DVec3, direction: DVec3) -> Option<(usize, f64)> {
+        let hits = self.iter().enumerate();
+        let hits = hits.filter_map(|(i, shape)| Some((i, shape.distance(origin, direction, false)?)));
+        hits.min_by(|a, b| a.1.total_cmp(&b.1))
+    }
+
+    fn is_met(&self, origin: DVec3, direction: DVec3, own: Option<usize>) -> bool {
+        self.iter().enumerate().rev().any(|(i, shape)| shape.distance(origin, direction, own == Some(i)).is_some())
     }
 }
 
@@ -260,6 +272,29 @@ impl Shapes {
             i -= kind.count();
         }
         None
+    }
+
+    /// The first one along a ray, and where; for picking and estimates.
+    pub fn nearest(&self, origin: DVec3, direction: DVec3) -> Option<(usize, DVec3)> {
+        let mut first = 0;
+        let mut found: Option<(usize, f64)> = None;
+        // Kind by kind rather than shape by shape: loops over thousands call nothing.
+        for kind in self.kinds() {
+            let hit = kind.list.nearest(origin, direction).map(|(i, distance)| (first + i, distance));
+            found = found.into_iter().chain(hit).min_by(|a, b| a.1.total_cmp(&b.1));
+            first += kind.count();
+        }
+        found.map(|(number, distance)| (number, origin + direction * distance))
+    }
+
+    /// Whether there is any along a ray, which may start on the shape `own`. Those that come last, planes, are what is
+    /// hit most often.
+    pub fn is_met(&self, origin: DVec3, direction: DVec3, own: Option<usize>) -> bool {
+        let mut first = self.len();
+        self.kinds().iter().rev().any(|kind| {
+            first -= kind.count();
+            kind.list.is_met(origin, direction, own.and_then(|own| own.checked_sub(first)))
+        })
     }
 
     /// How many there are, of all kinds.

@@ -12,7 +12,7 @@ use super::trace::draws::{cells_within, touched};
 use crate::device::cl::{Arguments, Buffer, Context, Kernel, PART_ALIGNMENT};
 use crate::device::submissions;
 use crate::error::Result;
-use crate::plan::cells::{Bounds, CellSize, Form, Plan, photon_density, plan_by_crowd};
+use crate::plan::cells::{Bounds, CellSize, Form, GridPlan, photon_density, plan_by_crowd};
 use crate::program::gathering::Method;
 use crate::program::source::{Options, assemble};
 use crate::records::face::faces_of;
@@ -24,12 +24,12 @@ type Texel = [f32; 3];
 /// A photon map on the device, in the order of its grid's cells. Buffers may be longer than what they hold.
 pub struct Grid {
     /// Form, faces, radius and cell size.
-    pub plan: Plan,
-    /// Photons in it.
+    pub plan: GridPlan,
+    /// How many photons are sorted into it.
     pub count: usize,
-    /// [`Plan::gather`].
+    /// [`GridPlan::gather`].
     pub gather: Buffer<Gather>,
-    /// [`Plan::faces`].
+    /// [`GridPlan::faces`].
     pub faces: Buffer<Face>,
     /// Whole texels; `plan.cells + 1` entries count.
     pub cell_starts: Buffer<f32>,
@@ -41,24 +41,24 @@ pub struct Grid {
     nothing: Buffer<Texel>,
 }
 
-/// The tables of a grid.
+/// The photons of a grid, in the order of its cells.
 pub struct Sorted {
-    /// Sorted.
+    /// Scene space, metres.
     pub positions: Buffer<PhotonPosition>,
-    /// Sorted.
+    /// Watts per channel.
     pub powers: Buffer<PhotonPower>,
-    /// Sorted; only where a glossy surface asks.
+    /// Towards where each came from; only where a glossy surface asks.
     pub directions: Option<Buffer<PhotonDirection>>,
-    /// As stored.
+    /// In path order, as they were stored: cells know their face.
     faces: Buffer<f32>,
-    /// Paths emitted.
+    /// How many paths were emitted for these photons.
     emitted: u32,
 }
 
 impl Grid {
     fn empty(context: &Context) -> Result<Grid> {
         Ok(Grid {
-            plan: Plan::default(),
+            plan: GridPlan::default(),
             count: 0,
             gather: Buffer::new(context, 1)?,
             faces: Buffer::new(context, 0)?,
@@ -86,7 +86,7 @@ impl Grid {
         })
     }
 
-    /// About the most photons that one query looks at, where the longest_cell cell is known.
+    /// About the most photons that one query looks at, where the longest cell is known.
     pub fn most_candidates(&self) -> Option<u64> {
         let across = cells_within(&self.plan.gather);
         let cells = match self.plan.hashed {
@@ -108,23 +108,23 @@ impl Grid {
     }
 }
 
-/// How a grid is wanted.
+/// What a grid is laid out by.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Wanted {
-    /// R, metres.
+pub struct GridSettings {
+    /// The gather radius R, metres.
     pub radius: f32,
     /// How large cells are.
     pub size: CellSize,
-    /// Which form.
+    /// Whether cells fill boxes or are hashed.
     pub form: Form,
     /// k of the k nearest; other methods ignore it.
     pub nearest: u32,
 }
 
-impl Wanted {
+impl GridSettings {
     /// A grid for this radius, all else chosen.
-    pub fn radius(radius: f32) -> Wanted {
-        Wanted { radius, size: CellSize::Auto, form: Form::Auto, nearest: 50 }
+    pub fn radius(radius: f32) -> GridSettings {
+        GridSettings { radius, size: CellSize::Auto, form: Form::Auto, nearest: 50 }
     }
 }
 
@@ -209,7 +209,7 @@ impl GridStage {
         context: &Context,
         shapes: &[Shape],
         photons: &Photons,
-        wanted: &Wanted,
+        wanted: &GridSettings,
     ) -> Result<&Grid> {
         let bounds = self.bounds(context, faces_of(shapes.len()), photons)?;
         let crowd = || {
@@ -227,13 +227,19 @@ impl GridStage {
         Ok(&self.grid)
     }
 
-    /// Sorts a photon map into a grid, which takes over its memory. Only the faces' boxes and, on GPUs, the longest_cell cell
+    /// Sorts a photon map into a grid, which takes over its memory. Only the faces' boxes and, on GPUs, the longest cell
     /// are waited for; the queue is in order.
     ///
     /// # Errors
     /// [`crate::error::Error::Usage`] when floats cannot count the photons or the cells that were asked for;
     /// [`crate::error::Error::Device`] when memory is short.
-    pub fn build(&mut self, context: &Context, shapes: &[Shape], map: PhotonMap, wanted: &Wanted) -> Result<&Grid> {
+    pub fn build(
+        &mut self,
+        context: &Context,
+        shapes: &[Shape],
+        map: PhotonMap,
+        wanted: &GridSettings,
+    ) -> Result<&Grid> {
         self.lay_out(context, shapes, &map.view(), wanted)?;
         let (hashed, cells, count) = (self.grid.plan.hashed, self.grid.plan.cells, map.stored);
         let slot = usize::from(hashed);

@@ -13,7 +13,7 @@ use crate::packing::packed_scene::PackedScene;
 use crate::plan::charts::Charts;
 use crate::program::features::Features;
 use crate::program::source::{Options, assemble};
-use crate::rays::emission::{Amount, Emission, Plan, Quanta, Sampler};
+use crate::rays::emission::{Amount, Emission, EmissionPlan, Quanta, Sampler};
 use crate::records::{Chart, Texel};
 
 /// Makes irradiance texels on one machine and holds the last ones.
@@ -35,9 +35,9 @@ struct MadeFrom {
 }
 
 enum Machine {
-    /// Kernels.
+    /// By OpenCL's kernels.
     Device(Box<DeviceIrradiance>),
-    /// The twin.
+    /// By the twin in Rust.
     Host(Box<HostIrradiance>),
 }
 
@@ -52,14 +52,14 @@ struct DeviceScene {
     paths: Paths,
     charts: Buffer<Chart>,
     inverse_areas: Buffer<f32>,
-    windows: Buffer<u32>,
+    neighbourhoods: Buffer<u32>,
     sums: Buffer<[u32; 3]>,
     texels: Buffer<Texel>,
 }
 
 struct HostIrradiance {
     pool: Rc<rayon::ThreadPool>,
-    scene: Option<(PackedScene, Features, Plan, Charts)>,
+    scene: Option<(PackedScene, Features, EmissionPlan, Charts)>,
     texels: Vec<Texel>,
 }
 
@@ -68,16 +68,16 @@ struct HostIrradiance {
 pub enum IrradianceView<'a> {
     /// In device memory.
     Device {
-        /// The device.
+        /// What the buffers belong to.
         context: &'a Context,
-        /// By object.
+        /// The charts of each object, in the order of objects.
         charts: &'a Buffer<Chart>,
         /// In the order of charts.
         texels: &'a Buffer<Texel>,
     },
     /// In host memory.
     Host {
-        /// By object.
+        /// The charts of each object, in the order of objects.
         charts: &'a [Chart],
         /// In the order of charts.
         texels: &'a [Texel],
@@ -117,7 +117,7 @@ impl IrradianceStage {
         }
         self.made_from = None; // until all of it is there
         let charts = Charts::new(packed, budget);
-        let plan = Plan::of(packed, emission.store_direct)?;
+        let plan = EmissionPlan::of(packed, emission.store_direct)?;
         match &mut self.machine {
             Machine::Device(stage) => {
                 let context = &stage.context;
@@ -134,10 +134,10 @@ impl IrradianceStage {
                         [kernel("irradiance_splat")?, kernel("irradiance_resolve")?, kernel("irradiance_clear")?];
                     stage.kernels = Some((made_for, kernels));
                 }
-                let windows: Vec<u32> = charts.windows.iter().map(|window| window.packed()).collect();
+                let neighbourhoods: Vec<u32> = charts.neighbourhoods.iter().map(|around| around.packed()).collect();
                 stage.scene = Some(DeviceScene {
                     paths,
-                    windows: Buffer::from_slice(context, &windows)?,
+                    neighbourhoods: Buffer::from_slice(context, &neighbourhoods)?,
                     charts: Buffer::from_slice(context, &charts.records)?,
                     inverse_areas: Buffer::from_slice(context, &charts.inverse_areas)?,
                     sums: Buffer::new(context, charts.texels())?,
@@ -180,7 +180,8 @@ impl IrradianceStage {
                     let args = args.with("runs", range.runs()).with("quanta_per_watt", quanta.per_watt);
                     scene.paths.launch(context, splat, &args, &range)?;
                 }
-                let args = sums.with("inverse_areas", &scene.inverse_areas).with("windows", &scene.windows);
+                let args =
+                    sums.with("inverse_areas", &scene.inverse_areas).with("neighbourhoods", &scene.neighbourhoods);
                 let args = args.with("watts_per_quantum", quanta.watts).table(&scene.texels);
                 let args = args.with("count", count as u32);
                 context.launch(resolve, &args, &[count], None)?;
@@ -210,7 +211,7 @@ impl IrradianceStage {
     }
 
     /// How the lights share the paths.
-    pub fn plan(&self) -> Option<&Plan> {
+    pub fn plan(&self) -> Option<&EmissionPlan> {
         match &self.machine {
             Machine::Device(stage) => stage.scene.as_ref().map(|scene| &scene.paths.plan),
             Machine::Host(stage) => stage.scene.as_ref().map(|(_, _, plan, _)| plan),

@@ -1,4 +1,4 @@
-//! The longest_cell cell of a grid or of tiles: a bound on how long a query can be, which tells whether a GPU's picture has to
+//! The longest cell of a grid or of tiles: a bound on how long a query can be, which tells whether a GPU's picture has to
 //! be cut within pixels.
 
 use super::sort::share;

@@ -3,7 +3,7 @@
 use crate::plan::photon_sample::Sample;
 use std::rc::Rc;
 
-use super::grid::{Grid, GridStage, Wanted};
+use super::grid::{Grid, GridSettings, GridStage};
 use super::photon_map::{PhotonMap, Photons as StoredPhotons, first};
 use super::photons::Photons;
 use super::scan::Scan;
@@ -23,9 +23,9 @@ use crate::settings::Method;
 
 /// Makes photon maps on one machine and holds the last one.
 pub enum MapStage {
-    /// Kernels.
+    /// By OpenCL's kernels.
     Device(Box<DeviceMap>),
-    /// The twins.
+    /// By the twins in Rust.
     Host(Box<HostMap>),
 }
 
@@ -48,46 +48,46 @@ pub struct DeviceMap {
 /// See [`MapStage::Host`].
 pub struct HostMap {
     pool: Rc<rayon::ThreadPool>,
-    scene: Option<(PackedScene, Features, emission::Plan)>,
+    scene: Option<(PackedScene, Features, emission::EmissionPlan)>,
     stores_direct: Option<bool>,
     stored: cpu::photons::PhotonTables,
-    plan: cells::Plan,
+    plan: cells::GridPlan,
     grid: cpu::grid::GridTables,
-    tiles: Option<(tiling::Plan, cpu::tiles::TileTables)>,
+    tiles: Option<(tiling::TilePlan, cpu::tiles::TileTables)>,
 }
 
 /// A finished map, as the trace stage takes it.
 pub enum MapView<'a> {
     /// In device memory.
     Device {
-        /// The device.
+        /// What the buffers belong to.
         context: &'a Context,
         /// In path order; none where the grid has taken it over.
         stored: Option<StoredPhotons<'a>>,
         /// In the order of cells.
         grid: &'a Grid,
-        /// The last tiles.
+        /// The tiles that were laid out last, where photons are gathered by them.
         tiles: Option<&'a Tiles>,
     },
     /// In host memory.
     Host {
         /// Form, faces, radius, cell size.
-        plan: &'a cells::Plan,
-        /// In path order.
+        plan: &'a cells::GridPlan,
+        /// The photons in path order.
         stored: cpu::grid::PhotonTables<'a>,
         /// In the order of cells.
         grid: &'a cpu::grid::GridTables,
-        /// The last tiles.
-        tiles: Option<(&'a tiling::Plan, &'a cpu::tiles::TileTables)>,
+        /// The tiles that were laid out last, where photons are gathered by them.
+        tiles: Option<(&'a tiling::TilePlan, &'a cpu::tiles::TileTables)>,
     },
 }
 
 /// A map in numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct MapCounts {
-    /// Paths emitted.
+    /// How many paths were emitted.
     pub emitted: u64,
-    /// Photons stored.
+    /// How many photons they left on surfaces.
     pub stored: u64,
 }
 
@@ -112,7 +112,7 @@ impl MapStage {
 
     /// On a pool of threads.
     pub fn on_host(pool: Rc<rayon::ThreadPool>) -> MapStage {
-        let plan = cells::Plan { hashed: false, cells: 0, faces: Vec::new(), gather: Default::default() };
+        let plan = cells::GridPlan { hashed: false, cells: 0, faces: Vec::new(), gather: Default::default() };
         let (stored, grid) = Default::default();
         MapStage::Host(Box::new(HostMap { pool, scene: None, stores_direct: None, stored, plan, grid, tiles: None }))
     }
@@ -127,7 +127,7 @@ impl MapStage {
             MapStage::Device(map) => {
                 let known = map.packed.as_ref().map(PackedScene::generation);
                 if known != Some(packed.generation()) || map.stores_direct != direct {
-                    map.photons.upload(packed, emission::Plan::of(packed, emission.store_direct)?)?;
+                    map.photons.upload(packed, emission::EmissionPlan::of(packed, emission.store_direct)?)?;
                     (map.packed, map.stores_direct) = (Some(packed.clone()), direct);
                 }
                 map.photons.compile(features, emission)
@@ -139,7 +139,7 @@ impl MapStage {
                     {
                         plan
                     }
-                    _ => emission::Plan::of(packed, emission.store_direct)?,
+                    _ => emission::EmissionPlan::of(packed, emission.store_direct)?,
                 };
                 (map.scene, map.stores_direct) = (Some((packed.clone(), *features, plan)), direct);
                 Ok(())
@@ -227,7 +227,7 @@ impl MapStage {
     ///
     /// # Errors
     /// [`Error::Usage`] when floats cannot count the photons or the cells; [`Error::Device`] from the device.
-    pub fn sort(&mut self, wanted: &Wanted, method: Method) -> Result<bool> {
+    pub fn sort(&mut self, wanted: &GridSettings, method: Method) -> Result<bool> {
         self.restore()?;
         match self {
             MapStage::Device(map) => {
@@ -245,7 +245,7 @@ impl MapStage {
                 let Some((packed, ..)) = &map.scene else { return Err(no_scene()) };
                 let stored = map.stored.view();
                 let bounds = cpu::grid::grid_bounds(&stored, faces_of(packed.shapes.len()));
-                let Wanted { radius, size, form, nearest } = *wanted;
+                let GridSettings { radius, size, form, nearest } = *wanted;
                 let faces = stored.surfaces.iter().map(|surface| cpu::grid::face_of(surface) as u32);
                 let count = map.stored.len();
                 let crowd = || Ok(photon_density::crowd(stored.positions, faces, count, radius));
@@ -269,7 +269,7 @@ impl MapStage {
     ///
     /// # Errors
     /// [`Error::Usage`] when floats cannot count the entries; [`Error::Device`] and [`Error::Build`] from the device.
-    pub fn tile(&mut self, frame: &Frame, features: &Features, wanted: &tiling::Wanted) -> Result<u64> {
+    pub fn tile(&mut self, frame: &Frame, features: &Features, wanted: &tiling::TileSettings) -> Result<u64> {
         self.restore()?;
         match self {
             MapStage::Device(map) => {
@@ -305,7 +305,7 @@ impl MapStage {
         }
     }
 
-    /// The last map.
+    /// The map that was made last, for the trace stage.
     pub fn view(&self) -> Option<MapView<'_>> {
         match self {
             MapStage::Device(map) => Some(MapView::Device {

@@ -7,7 +7,7 @@ use super::scene_buffers::SceneBuffers;
 use crate::device::cl::{Arguments, Buffer, Context, Kernel};
 use crate::error::Result;
 use crate::packing::Packed;
-use crate::rays::emission::{COLUMNS_LOG2, Emission, PART_BITS, Plan, ROWS_LOG2, Sampler};
+use crate::rays::emission::{COLUMNS_LOG2, Emission, EmissionPlan, PART_BITS, ROWS_LOG2, Sampler};
 use crate::records::{Emitter, Frame};
 
 /// A scene's lights and objects on the device.
@@ -20,17 +20,17 @@ pub struct Paths {
     /// Emitters of the last two numbers of paths: what is counted to store so many photons, and what stores them.
     emitters: RefCell<Vec<(u32, Rc<Buffer<Emitter>>)>>,
     /// How the lights share their paths.
-    pub plan: Plan,
+    pub plan: EmissionPlan,
 }
 
 /// Consecutive paths that a launch walks, in runs of `length`, one run a lane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Range {
-    /// First path.
+    /// The number of the first path.
     pub first: u32,
     /// One past the last path.
     pub end: u32,
-    /// Paths of a run.
+    /// How many paths a lane walks one after the other.
     pub length: u32,
 }
 
@@ -58,7 +58,7 @@ impl Paths {
     ///
     /// # Errors
     /// [`crate::error::Error::Device`] when the device has no room.
-    pub fn new(context: &Context, packed: &Packed, plan: Plan) -> Result<Paths> {
+    pub fn new(context: &Context, packed: &Packed, plan: EmissionPlan) -> Result<Paths> {
         let frame = Frame {
             sphere_count: packed.sphere_count as f32,
             plane_count: packed.plane_count() as f32,

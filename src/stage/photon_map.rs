@@ -9,7 +9,7 @@ use crate::records::{PhotonDirection, PhotonPosition, PhotonPower, TEXEL};
 
 /// A photon map on the device, in path order, then bounce order. 28 bytes a photon, 40 where some surface is glossy.
 pub struct PhotonMap {
-    /// Scene space.
+    /// Scene space, metres.
     pub positions: Buffer<PhotonPosition>,
     /// Watts per channel.
     pub powers: Buffer<PhotonPower>,
@@ -19,20 +19,20 @@ pub struct PhotonMap {
     pub directions: Option<Buffer<PhotonDirection>>,
     /// Photons in the map; the buffers may have room for more.
     pub stored: usize,
-    /// Paths emitted.
+    /// How many paths were emitted for these photons.
     pub emitted: u32,
 }
 
-/// The same, lent.
+/// A photon map's buffers, lent to a stage.
 #[derive(Clone, Copy)]
 pub struct Photons<'a> {
-    /// Where.
+    /// Scene space, metres.
     pub positions: &'a Buffer<PhotonPosition>,
-    /// What.
+    /// Watts per channel.
     pub powers: &'a Buffer<PhotonPower>,
-    /// On what.
+    /// The face that each lies on, as in [`PhotonMap::faces`].
     pub faces: &'a Buffer<f32>,
-    /// From where; only where a glossy surface asks.
+    /// Towards where each came from; only where a glossy surface asks.
     pub directions: Option<&'a Buffer<PhotonDirection>>,
     /// Photons stored: the buffers may be longer.
     pub count: usize,

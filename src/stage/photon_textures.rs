@@ -12,7 +12,7 @@ use crate::cpu::tiles::TileTables;
 use crate::device::cl::{Buffer, Context};
 use crate::device::gl::{Functions, PixelBuffer, Program};
 use crate::error::{Error, Result};
-use crate::plan::cells::Plan;
+use crate::plan::cells::GridPlan;
 use crate::plan::tiling;
 use crate::program::gathering::{Gathering, Method};
 use crate::records::table_sets::{PHOTON_GRID, PHOTON_TILES};
@@ -50,7 +50,7 @@ impl PhotonTextures {
     /// [`crate::error::Error::Device`] when a table is larger than the driver's textures.
     pub fn fill_from_host(
         &mut self,
-        plan: &Plan,
+        plan: &GridPlan,
         stored: &PhotonTables,
         grid: &GridTables,
         gathering: &Gathering,
@@ -131,7 +131,7 @@ impl PhotonTextures {
     ///
     /// # Errors
     /// As [`PhotonTextures::fill`].
-    pub fn fill_tiles_from_host(&mut self, plan: &tiling::Plan, tables: &TileTables) -> Result<()> {
+    pub fn fill_tiles_from_host(&mut self, plan: &tiling::TilePlan, tables: &TileTables) -> Result<()> {
         self.gather = plan.gather;
         self.tables.table("cell_starts").fill_texels(&whole_texels(tables.cell_starts.clone()))?;
         self.tables.table(Tile::TABLE).fill(&plan.tiles)?;
@@ -188,8 +188,8 @@ fn whole_texels(mut list: Vec<f32>) -> Vec<f32> {
     list
 }
 
-/// A bound on the photons that one query looks at: the longest_cell cell's, for all cells that its ball can touch.
-fn most_candidates(plan: &Plan, cell_starts: &[f32], photons: u64) -> u64 {
+/// A bound on the photons that one query looks at: the longest cell's, for all cells that its ball can touch.
+fn most_candidates(plan: &GridPlan, cell_starts: &[f32], photons: u64) -> u64 {
     let across = cells_across(&plan.gather);
     let longest_cell =
         |cells: std::ops::Range<usize>| cells.map(|c| (cell_starts[c + 1] - cell_starts[c]) as u64).max().unwrap_or(0);

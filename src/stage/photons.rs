@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 use crate::packing::Packed;
 use crate::program::features::Features;
 use crate::program::source::{Options, assemble};
-use crate::rays::emission::{Amount, Emission, Plan, Sampler};
+use crate::rays::emission::{Amount, Emission, EmissionPlan, Sampler};
 
 /// The kernels of one permutation.
 struct Kernels {
@@ -48,13 +48,13 @@ impl Photons {
     ///
     /// # Errors
     /// [`Error::Device`] when the device has no room.
-    pub fn upload(&mut self, packed: &Packed, plan: Plan) -> Result<()> {
+    pub fn upload(&mut self, packed: &Packed, plan: EmissionPlan) -> Result<()> {
         self.paths = Some(Paths::new(&self.context, packed, plan)?);
         Ok(())
     }
 
     /// How the lights of the scene uploaded last share their paths.
-    pub fn plan(&self) -> Option<&Plan> {
+    pub fn plan(&self) -> Option<&EmissionPlan> {
         self.paths.as_ref().map(|paths| &paths.plan)
     }
 

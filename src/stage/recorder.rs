@@ -20,7 +20,7 @@ pub struct Recorder {
     count: Kernel,
     last: Kernel,
     glossy: bool,
-    /// Of the device.
+    /// Paths that a work-item walks side by side on this device.
     lanes: u32,
     /// Work-items of a batch.
     items: u32,

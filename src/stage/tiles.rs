@@ -12,7 +12,7 @@ use crate::device::submissions;
 use crate::error::Result;
 use crate::packing::Packed;
 use crate::plan::cells::Bounds;
-use crate::plan::tiling::{Plan, Seen, Wanted, check_pairs, plan, tiles_of, within};
+use crate::plan::tiling::{Seen, TilePlan, TileSettings, check_pairs, plan, tiles_of, within};
 use crate::program::features::Features;
 use crate::program::source::{Options, assemble};
 use crate::records::{Frame, Gather, PhotonDirection, Region, Shape, TEXEL, Tile};
@@ -20,14 +20,14 @@ use crate::records::{Frame, Gather, PhotonDirection, Region, Shape, TEXEL, Tile}
 /// The tiles' lists on the device. Buffers may be longer than what they hold.
 pub struct Tiles {
     /// Regions, radius, cells.
-    pub plan: Plan,
+    pub plan: TilePlan,
     /// Entries of the list.
     pub pairs: usize,
-    /// [`Plan::gather`].
+    /// [`TilePlan::gather`].
     pub gather: Buffer<Gather>,
-    /// [`Plan::tiles`].
+    /// [`TilePlan::tiles`].
     pub tiles: Buffer<Tile>,
-    /// [`Plan::regions`].
+    /// [`TilePlan::regions`].
     pub regions: Buffer<Region>,
     /// Whole texels; `plan.cells + 1` entries count.
     pub cell_starts: Buffer<f32>,
@@ -42,7 +42,7 @@ pub struct Tiles {
 impl Tiles {
     fn empty(context: &Context) -> Result<Tiles> {
         Ok(Tiles {
-            plan: Plan::default(),
+            plan: TilePlan::default(),
             pairs: 0,
             gather: Buffer::new(context, 1)?,
             tiles: Buffer::new(context, 0)?,
@@ -62,7 +62,7 @@ impl Tiles {
         photons.table(stored.directions.unwrap_or(&self.no_directions))
     }
 
-    /// About the most entries that one query looks at, where the longest_cell cell is known.
+    /// About the most entries that one query looks at, where the longest cell is known.
     pub fn most_candidates(&self) -> Option<u64> {
         let photons = self.plan.gather.photon_count as u64;
         let across = cells_within(&self.plan.gather);
@@ -85,7 +85,7 @@ impl Tiles {
 type Slot = [f32; 7];
 
 /// Whether lists of one kind take about as long to make as those of another.
-fn takes_alike(one: &Wanted, other: &Wanted) -> bool {
+fn takes_alike(one: &TileSettings, other: &TileSettings) -> bool {
     one.tile == other.tile && one.cells == other.cells && (0.9..1.1).contains(&(one.radius / other.radius))
 }
 
@@ -100,7 +100,7 @@ pub struct TileStage {
     sort: Sort,
     longest_cell: LongestCell,
     /// What lists were last made for: count and fill take another time for others.
-    paced_for: Option<Wanted>,
+    paced_for: Option<TileSettings>,
     scratch: Scratch,
     scene: SceneBuffers,
     frame: Buffer<Frame>,
@@ -109,7 +109,7 @@ pub struct TileStage {
     /// Slots of a strip: grows with the scene.
     seen_slots: usize,
     counts: Buffer<u32>,
-    /// [`Plan::lines`].
+    /// [`TilePlan::lines`].
     slots: Buffer<i32>,
     starts_of_lines: Buffer<u32>,
     columns: Buffer<u32>,
@@ -235,7 +235,7 @@ impl TileStage {
         shapes: &[Shape],
         frame: &Frame,
         photons: &Photons,
-        wanted: &Wanted,
+        wanted: &TileSettings,
     ) -> Result<&Tiles> {
         let seen = self.seen(context, frame, wanted.tile)?;
         let plan = plan(shapes, frame, seen, photons.count, wanted)?;
@@ -250,7 +250,7 @@ impl TileStage {
     ///
     /// # Errors
     /// As [`TileStage::build`].
-    pub fn fill(&mut self, context: &Context, plan: Plan, frame: &Frame, photons: &Photons) -> Result<&Tiles> {
+    pub fn fill(&mut self, context: &Context, plan: TilePlan, frame: &Frame, photons: &Photons) -> Result<&Tiles> {
         self.frame.write(context, std::slice::from_ref(frame))?;
         let tiles = &mut self.tiles;
         tiles.tiles.fit(context, plan.tiles.len())?;

@@ -28,7 +28,7 @@ use crate::rays::random::{hash2_u, unit_real};
 use crate::rays::scene::SceneTables;
 use crate::records::{Frame, Material, PLANE, PhotonPosition, PhotonPower, Shape};
 use crate::settings::Backend;
-use crate::stage::grid::{GridStage, Wanted};
+use crate::stage::grid::{GridSettings, GridStage};
 use crate::stage::map::MapView;
 use crate::stage::photon_map::PhotonMap;
 use crate::stage::trace::{ClTrace, CpuTrace, GlTrace, Permutation, Trace};
@@ -37,7 +37,7 @@ use crate::stage::trace::{ClTrace, CpuTrace, GlTrace, Permutation, Trace};
 const HALF: f32 = 5.0;
 /// Where the camera stands above it: away from 0, so that coordinates are negative and of different size.
 const CENTER: [f32; 2] = [-3.7, -1.3];
-/// Albedo.
+/// Albedo of the floor.
 const WHITE: f32 = 0.8;
 
 /// One photon map and how it is seen.
@@ -282,7 +282,7 @@ fn gathered(bench: &Bench, backend: Backend, case: &Case) -> Result<Vec<[f32; 3]
                 emitted: photons.emitted,
             };
             let mut stage = GridStage::new(&context)?;
-            let grid = stage.build(&context, &packed.shapes, stored, &Wanted::radius(case.radius))?;
+            let grid = stage.build(&context, &packed.shapes, stored, &GridSettings::radius(case.radius))?;
             let gathering = Gathering { hashed: grid.plan.hashed, ..gathering };
             let permutation = Permutation { gathering: Some(gathering), ..permutation };
             let view = MapView::Device { context: &context, stored: None, grid, tiles: None };

@@ -23,7 +23,7 @@ use crate::records::{PLANE, SPHERE, Shape};
 use crate::settings::Backend;
 use rayon::prelude::*;
 
-/// Kinds of rays.
+/// Kinds of rays, by where they begin and how they meet the surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Class {
     /// From 1 to 10⁶ radii away.
@@ -243,9 +243,9 @@ struct Errors {
     root: Vec<f64>,
     /// Ulps times cosine, of all rays.
     root_by_cosine: Vec<f64>,
-    /// Of t itself.
+    /// Of the distance, as a share of itself.
     relative: Vec<f64>,
-    /// Ulps.
+    /// From the hit point to the surface, in ulps of the largest coordinate.
     off_surface: Vec<f64>,
     /// Units of what float32 rays can know.
     normal: Vec<f64>,
@@ -320,7 +320,7 @@ const ROOT: f64 = 4.0;
 const OFF_SURFACE: f64 = 4.0;
 /// The root's error and the normalisation's.
 const NORMAL: f64 = 6.0;
-/// As the root.
+/// Ulps by which a ray may miss what it should hit, and the reverse: as much as the root is off.
 const FLIP: f64 = 4.0;
 
 pub(super) fn run(bench: &mut Bench) -> Result<Found> {

@@ -61,7 +61,7 @@ pub struct Task<'a> {
     pub defines: &'a [&'a str],
     /// OpenCL's arithmetic is as that of other devices: see `kernels/rounding.cl`.
     pub contracted: bool,
-    /// Its own table.
+    /// What the shader or kernel reads besides the scene: the cases, three floats a texel.
     pub cases: &'a [[f32; 3]],
     /// Most items of one submission.
     pub batch: usize,

@@ -34,7 +34,7 @@ pub mod validate;
 pub use lab::Lab;
 pub use summary::{Row, Spread};
 
-/// What is tested.
+/// A family of tests that share a kind of question.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Suite {
@@ -121,7 +121,7 @@ pub enum Fault {
 }
 
 impl Fault {
-    /// All of them.
+    /// Every fault, in the order of the suites that find them.
     pub const ALL: [Fault; 9] = [
         Fault::NaiveSphere,
         Fault::FixedEpsilon,
@@ -176,7 +176,7 @@ pub enum Size {
     Tiny,
     /// A minute for all.
     Quick,
-    /// Minutes.
+    /// Some minutes for all: what bounds were measured with.
     Full,
 }
 
@@ -189,7 +189,7 @@ pub struct Options {
     pub device: Option<String>,
     /// Threads of the CPU's share.
     pub threads: usize,
-    /// How much.
+    /// How many cases.
     pub size: Size,
     /// What is broken on purpose.
     pub fault: Option<Fault>,
@@ -210,16 +210,16 @@ impl Options {
 
 /// What suites work with.
 pub struct Bench<'a> {
-    /// As asked.
+    /// What the user asked for.
     pub options: &'a Options,
-    /// The devices.
+    /// The devices that the cases run on.
     pub lab: Lab,
     /// The CPU's threads.
     pub pool: Rc<rayon::ThreadPool>,
     progress: &'a mut dyn FnMut(Progress),
 }
 
-/// What goes on.
+/// News of a run, for whoever watches it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Progress<'a> {
     /// A step of a suite.
@@ -266,9 +266,9 @@ pub struct Found {
 /// All that was tested.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
-    /// Where.
+    /// The machine and its drivers.
     pub machine: MachineInfo,
-    /// How much.
+    /// How many cases.
     pub size: Size,
     /// What was broken on purpose.
     pub fault: Option<Fault>,
@@ -276,7 +276,7 @@ pub struct Report {
     pub seconds: f64,
     /// Rows whose bound fails.
     pub failed: usize,
-    /// A line each.
+    /// Quantities that were measured, with their bounds.
     pub rows: Vec<Row>,
     /// Why suites are missing: interrupted, or what a device answered.
     pub ended: Option<String>,
@@ -320,7 +320,7 @@ pub fn run(suites: &[Suite], options: &Options, progress: &mut dyn FnMut(Progres
 }
 
 impl Report {
-    /// For a terminal of so many columns.
+    /// The report as text, for a terminal of so many columns.
     pub fn text(&self, columns: usize) -> String {
         format!(
             "{}\n{}\n{} rows, {} beyond their bounds, {:.0} s\n",

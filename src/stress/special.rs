@@ -22,7 +22,7 @@ const USUAL: Parts = Parts {
     radius: Some(0.3),
 };
 
-/// Name, scene.
+/// Scenes with special values, each under a name that says what is special.
 fn cases() -> Vec<(&'static str, Parts)> {
     let light = |light| Parts { light, ..USUAL };
     let camera = |camera| Parts { camera, ..USUAL };

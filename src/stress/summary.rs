@@ -9,13 +9,13 @@ use crate::settings::Backend;
 /// How a quantity is spread over many cases.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Spread {
-    /// Cases.
+    /// How many cases there were.
     pub count: u64,
     /// Half of them are at most this.
     pub median: f64,
-    /// 99 of 100 are.
+    /// 99 of 100 of them are at most this.
     pub p99: f64,
-    /// All are.
+    /// All of them are at most this.
     pub worst: f64,
 }
 
@@ -45,20 +45,20 @@ impl Spread {
 /// A line: one quantity of one case on one machine.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
-    /// Whose.
+    /// The suite that measured it.
     pub suite: Suite,
-    /// Which case.
+    /// The case, by name.
     pub case: String,
-    /// On what.
+    /// The backend that was measured.
     pub backend: Backend,
     /// Quantity and unit.
     pub measure: &'static str,
-    /// What came out.
+    /// How the quantity was spread over the case's samples.
     #[serde(flatten)]
     pub spread: Spread,
     /// What the worst may be.
     pub bound: f64,
-    /// Whether it is.
+    /// Whether the worst is within the bound.
     pub holds: bool,
 }
 

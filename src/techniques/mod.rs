@@ -28,7 +28,7 @@ use crate::stage::times::{Stopwatch, Times};
 use crate::stage::trace::{Permutation, Trace};
 
 pub use final_gather::Usual;
-pub use wish::{Kind, Wish, default_technique};
+pub use wish::{Wish, default_technique};
 
 /// What a technique says of itself.
 pub struct Row {
@@ -82,8 +82,18 @@ pub struct Bias {
     pub sums: fn(pixels: usize) -> usize,
     /// Adds pass `index`, made with this gather radius.
     pub add: fn(&mut [f64], index: u64, radius: f32, image: &Image),
-    /// Of each pixel of a mean of so many passes; empty where it cannot be told.
-    pub estimate: fn(&[f64], mean: &[DVec3], passes: u64, size: (u32, u32)) -> Vec<DVec3>,
+    /// Of each pixel of a mean; empty where it cannot be told.
+    pub estimate: fn(&[f64], &Mean) -> Vec<DVec3>,
+}
+
+/// A mean of passes.
+pub struct Mean<'a> {
+    /// Radiance, rows from the top.
+    pub pixels: &'a [DVec3],
+    /// How many there are in it.
+    pub passes: u64,
+    /// Pixels: width, height.
+    pub size: (u32, u32),
 }
 
 /// A machine for stages that run in OpenCL or by the twins.

@@ -3,22 +3,13 @@
 use super::{asked, final_gather};
 use crate::error::{Error, Result};
 use crate::scene::Scene;
-use crate::settings::{FinalGather, Settings, Technique};
-
-/// A technique by name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
-    /// [`Technique::Map`].
-    Map,
-    /// [`Technique::FinalGather`].
-    FinalGather,
-}
+use crate::settings::{FinalGather, Settings, Technique, TechniqueKind};
 
 /// What the user asked for of what decides the technique; the rest is left open.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Wish {
     /// The technique itself.
-    pub kind: Option<Kind>,
+    pub kind: Option<TechniqueKind>,
     /// Rays of a site of final gathering in one pass.
     pub rays: Option<u32>,
     /// Rays of a sample of it that gathers for itself.
@@ -45,14 +36,14 @@ impl Wish {
     pub fn settle(&self, scene: &Scene, settings: &mut Settings) -> Result<()> {
         let suitable = default_technique(scene, settings);
         settings.technique = match (self.kind, suitable) {
-            (Some(Kind::FinalGather), Technique::Map) => {
+            (Some(TechniqueKind::FinalGather), Technique::Map) => {
                 return Err(Error::Usage(
                     "--technique final-gather: wants --light hybrid, --photons rather than --stored, and no glossy \
                      surface, whose view of the texels has no direction"
                         .into(),
                 ));
             }
-            (Some(Kind::Map), _) => Technique::Map,
+            (Some(TechniqueKind::Map), _) => Technique::Map,
             (None, _) if self.estimates => Technique::Map,
             _ => suitable,
         };
@@ -93,7 +84,7 @@ mod tests {
         let Technique::FinalGather(gather) = settings.technique else { panic!("{:?}", settings.technique) };
         assert_eq!((gather.rays, settings.photons.amount, settings.samples), (3, asked, usual.samples));
         assert!(
-            Wish { kind: Some(Kind::Map), ..wish }.settle(&room, &mut settings).is_err(),
+            Wish { kind: Some(TechniqueKind::Map), ..wish }.settle(&room, &mut settings).is_err(),
             "rays belong to the other"
         );
     }

@@ -14,7 +14,7 @@ use super::player::Player;
 use super::screen;
 use super::summary::{Options, Summary};
 use crate::device::gl::plain;
-use crate::device::live_objects::{Kind, alive};
+use crate::device::live_objects::{Api, alive};
 use crate::error::{Error, Result};
 
 /// Opens the window and runs it until it is closed. `started` is when the program did.
@@ -38,7 +38,7 @@ pub fn run(options: Options, started: Instant) -> Result<Summary> {
     };
     events.run_app(&mut app).map_err(|error| Error::Driver(format!("window: {}", plain(error))))?;
     let App { failed, mut summary, .. } = app;
-    (summary.gl_objects_left, summary.cl_objects_left) = (alive(Kind::OpenGl), alive(Kind::OpenCl));
+    (summary.gl_objects_left, summary.cl_objects_left) = (alive(Api::OpenGl), alive(Api::OpenCl));
     match failed {
         Some(error) => match summary.unsaved {
             Some(path) => Err(Error::Failed(format!("{error}; {} has the edits that were not saved", path.display()))),

@@ -60,13 +60,13 @@ pub enum News {
 /// What is wanted of a worker.
 #[derive(Debug, Default)]
 pub struct Inbox {
-    /// The latest job.
+    /// The latest job: a newer one takes the place of one that was not begun.
     pub job: Option<Job>,
     /// Write files, by a path without extension, at an exposure.
     pub save: Option<(PathBuf, f32)>,
     /// Nothing more for now.
     pub halt: bool,
-    /// Never again.
+    /// The worker's thread ends: nothing will be wanted any more.
     pub quit: bool,
 }
 

@@ -37,7 +37,7 @@ impl History {
         self.frames.push_back([t.upload, t.emit, t.grid, t.tiles, trace].map(|ms| ms as f32));
     }
 
-    /// Draws the plot.
+    /// Draws the times of recent frames as a plot.
     pub fn plot(&self, ui: &mut Ui) {
         let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), 64.0), Sense::hover());
         let painter = ui.painter_at(rect);

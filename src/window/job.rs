@@ -27,7 +27,7 @@ pub struct Job {
     /// How far to go.
     pub goal: Goal,
     /// Photons or cells that are drawn over the picture.
-    pub markers: Option<markers::Wanted>,
+    pub markers: Option<markers::ShownMarkers>,
 }
 
 /// What is being drawn.

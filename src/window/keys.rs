@@ -1,8 +1,10 @@
 //! Which key does what: one table for the keyboard and for F1.
 
+use std::sync::LazyLock;
+
 use winit::keyboard::{Key, KeyCode, NamedKey, PhysicalKey};
 
-use crate::settings::Method;
+use crate::settings::{Backend, Choice, ChoiceRow, LightMode, Method};
 
 /// What a key does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,36 +33,60 @@ pub enum Action {
     Record,
     /// Write the panel's edits into the scene file.
     Save,
-    /// The panel.
+    /// Show or hide the panel.
     Panel,
-    /// This list.
+    /// Show or hide the list of keys.
     Help,
-    /// End.
+    /// End the program.
     Quit,
 }
 
-/// Key as shown, what it does in words, and the action, for keys by letter.
-pub const TABLE: &[(&str, &str, Action)] = &[
-    ("1", "gather by grid", Action::Gather(Method::Grid)),
-    ("2", "gather by tiles", Action::Gather(Method::Tiles)),
-    ("3", "gather by tiled grid", Action::Gather(Method::TiledGrid)),
-    ("4", "gather k nearest photons", Action::Gather(Method::Knn)),
-    ("5", "gather by brute force", Action::Gather(Method::Brute)),
-    ("B", "backend: OpenGL, OpenCL, CPU", Action::Backend),
-    ("L", "light: hybrid, photons, direct", Action::Light),
-    ("Space", "pause refining", Action::Pause),
-    ("P", "screenshot: PNG and EXR", Action::Screenshot),
-    ("T", "split view; drag the divider; Shift with 1–5 or B: the right picture", Action::Split),
-    ("H", "difference of the two pictures as a heat map", Action::HeatMap),
-    ("F", "focus on what was moved last, or on all", Action::Focus),
-    ("R", "reset the camera", Action::Reset),
-    ("O", "overlay: photons, cells, tiles, nothing", Action::Markers),
-    ("K", "record the camera's path", Action::Record),
-    ("Ctrl+S", "save edits into the scene file", Action::Save),
-    ("Tab", "panel", Action::Panel),
-    ("F1", "this help", Action::Help),
-    ("Esc", "quit", Action::Quit),
-];
+/// A key of the keyboard and its meaning.
+#[derive(Clone, Debug)]
+pub struct Binding {
+    /// The key as F1 shows it.
+    pub key: &'static str,
+    /// What it does, in words.
+    pub does: String,
+    /// What happens when it goes down.
+    pub action: Action,
+}
+
+/// Keys of the gather methods, then all others, for keys by letter.
+pub static TABLE: LazyLock<Vec<Binding>> = LazyLock::new(|| {
+    let gather = |row: &'static ChoiceRow<Method>| {
+        let (key, does) = row.key?;
+        Some(Binding { key, does: does.into(), action: Action::Gather(row.value) })
+    };
+    let mut table: Vec<_> = Method::offered().filter_map(gather).collect();
+    let right = match &table[..] {
+        [first, .., last] => format!("{}–{} or B", first.key, last.key),
+        _ => "B".into(),
+    };
+    let others = [
+        ("B", format!("backend: {}", titles::<Backend>()), Action::Backend),
+        ("L", format!("light: {}", titles::<LightMode>()), Action::Light),
+        ("Space", "pause refining".into(), Action::Pause),
+        ("P", "screenshot: PNG and EXR".into(), Action::Screenshot),
+        ("T", format!("split view; drag the divider; Shift with {right}: the right picture"), Action::Split),
+        ("H", "difference of the two pictures as a heat map".into(), Action::HeatMap),
+        ("F", "focus on what was moved last, or on all".into(), Action::Focus),
+        ("R", "reset the camera".into(), Action::Reset),
+        ("O", "overlay: photons, cells, tiles, nothing".into(), Action::Markers),
+        ("K", "record the camera's path".into(), Action::Record),
+        ("Ctrl+S", "save edits into the scene file".into(), Action::Save),
+        ("Tab", "panel".into(), Action::Panel),
+        ("F1", "this help".into(), Action::Help),
+        ("Esc", "quit".into(), Action::Quit),
+    ];
+    table.extend(others.map(|(key, does, action)| Binding { key, does, action }));
+    table
+});
+
+/// All ways of one kind, as users read them.
+fn titles<T: Choice>() -> String {
+    T::offered().map(|row| row.title).collect::<Vec<_>>().join(", ")
+}
 
 /// What the mouse and the keys of flight do, for F1.
 pub const GESTURES: &[(&str, &str)] = &[
@@ -83,7 +109,11 @@ pub fn action(key: &Key, control: bool) -> Option<Action> {
         Key::Character(text) => text.to_uppercase(),
         _ => return None,
     };
-    TABLE.iter().find(|(key, ..)| *key == name).map(|(.., action)| *action)
+    bound(&name)
+}
+
+fn bound(key: &str) -> Option<Action> {
+    TABLE.iter().find(|binding| binding.key == key).map(|binding| binding.action)
 }
 
 /// The gather method of a digit by the key's place, whatever sign Shift makes of it.
@@ -94,9 +124,14 @@ pub fn digit(key: PhysicalKey) -> Option<Action> {
         PhysicalKey::Code(KeyCode::Digit3) => "3",
         PhysicalKey::Code(KeyCode::Digit4) => "4",
         PhysicalKey::Code(KeyCode::Digit5) => "5",
+        PhysicalKey::Code(KeyCode::Digit6) => "6",
+        PhysicalKey::Code(KeyCode::Digit7) => "7",
+        PhysicalKey::Code(KeyCode::Digit8) => "8",
+        PhysicalKey::Code(KeyCode::Digit9) => "9",
+        PhysicalKey::Code(KeyCode::Digit0) => "0",
         _ => return None,
     };
-    TABLE.iter().find(|(key, ..)| *key == name).map(|(.., action)| *action)
+    bound(name)
 }
 
 /// Axis and sign of a key of flight, by its place on the keyboard: right, up, forward.
@@ -129,8 +164,17 @@ mod tests {
 
     #[test]
     fn no_key_is_in_the_table_twice() {
-        for (i, (key, ..)) in TABLE.iter().enumerate() {
-            assert!(TABLE[i + 1..].iter().all(|(other, ..)| other != key), "{key}");
+        for (i, binding) in TABLE.iter().enumerate() {
+            assert!(TABLE[i + 1..].iter().all(|other| other.key != binding.key), "{binding:?}");
         }
+    }
+
+    #[test]
+    fn every_method_has_a_key_by_place() {
+        let digits = [KeyCode::Digit1, KeyCode::Digit2, KeyCode::Digit3, KeyCode::Digit4, KeyCode::Digit5];
+        let methods = Method::offered().map(|row| Some(Action::Gather(row.value)));
+        assert!(methods.eq(digits.map(|code| digit(PhysicalKey::Code(code)))));
+        let split = TABLE.iter().find(|binding| binding.action == Action::Split).expect("a key");
+        assert!(split.does.contains("Shift with 1–5 or B"), "{split:?}");
     }
 }

@@ -13,7 +13,7 @@ const BUDGETS: [f64; 2] = [33.0, 100.0];
 pub enum Budget {
     /// One of [`BUDGETS`].
     Usual,
-    /// Milliseconds.
+    /// As many milliseconds as the user asked for.
     Ms(f64),
     /// However long full quality takes.
     None,
@@ -104,7 +104,7 @@ impl Ladder {
         }
     }
 
-    /// The budget.
+    /// How long a frame may take.
     pub fn time(&self) -> Duration {
         Duration::from_secs_f64(self.budget / 1e3)
     }

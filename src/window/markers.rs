@@ -10,9 +10,9 @@ use crate::records::{Face, Gather, PhotonPosition, PhotonPower, Region, Tile};
 use crate::scene::Scene;
 use crate::stage::map::MapView;
 
-/// Which of them.
+/// Which markers are drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Wanted {
+pub struct ShownMarkers {
     /// Photons as dots of their colour.
     pub photons: bool,
     /// Cells of the grid that hold photons.
@@ -21,10 +21,10 @@ pub struct Wanted {
     pub tiles: bool,
 }
 
-impl Wanted {
-    /// None of them.
+impl ShownMarkers {
+    /// Whether no marker is drawn at all.
     pub fn is_empty(self) -> bool {
-        self == Wanted::default()
+        self == ShownMarkers::default()
     }
 }
 
@@ -36,14 +36,14 @@ pub type Dot = (DVec3, [f32; 3]);
 pub struct Cell {
     /// Corners of the largest rectangle through its middle, world space.
     pub corners: [DVec3; 4],
-    /// Photons in it.
+    /// How many photons lie in it.
     pub count: f32,
 }
 
 /// Tiles of a picture.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tiling {
-    /// Tiles across.
+    /// How many tiles stand side by side.
     pub across: usize,
     /// A tile's width and height, pixels of the picture.
     pub size: [f32; 2],
@@ -51,7 +51,7 @@ pub struct Tiling {
     pub counts: Vec<f32>,
 }
 
-/// What to draw.
+/// Markers as they are drawn over a picture.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Markers {
     /// Visible photons, a sample of the map.
@@ -72,7 +72,7 @@ impl Markers {
     ///
     /// # Errors
     /// [`crate::error::Error::Device`] when the transfer fails.
-    pub fn collect(pipeline: &Pipeline, scene: &Scene, wanted: &Wanted) -> Result<Markers> {
+    pub fn collect(pipeline: &Pipeline, scene: &Scene, wanted: &ShownMarkers) -> Result<Markers> {
         let Some((map, packed, features)) = pipeline.map() else { return Ok(Markers::default()) };
         let mut markers = Markers::default();
         let visible = {

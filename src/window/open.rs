@@ -17,7 +17,7 @@ use super::history::History;
 use super::input::Input;
 use super::job::{Goal, Job};
 use super::journal::Journal;
-use super::markers::Wanted;
+use super::markers::ShownMarkers;
 use super::pane::Pane;
 use super::panel;
 use super::player::{Player, Recording};
@@ -28,8 +28,7 @@ use super::watch::Watch;
 use crate::device::gl::{Present, Windowed};
 use crate::device::submissions;
 use crate::error::Result;
-use crate::settings::Backend;
-use crate::techniques::Kind;
+use crate::settings::{Backend, TechniqueKind};
 
 /// A worker has something.
 #[derive(Debug)]
@@ -44,7 +43,7 @@ pub struct Open {
     // What owns GL objects or contexts goes before the window's context.
     /// The picture, or the left and the right one.
     pub panes: [Option<Pane>; 2],
-    /// Shows pictures.
+    /// Draws finished pictures into the window, tone-mapped.
     pub present: Present,
     /// Shows the panel.
     pub egui: EguiGlow,
@@ -62,7 +61,7 @@ pub struct Open {
     pub history: History,
     /// What was asked of each pane last.
     pub asked: [Option<(Request, Goal)>; 2],
-    markers_asked: Wanted,
+    markers_asked: ShownMarkers,
     /// Where the picture is, points.
     pub area: egui::Rect,
     moved: Instant,
@@ -79,7 +78,7 @@ pub struct Open {
     pub screenshot: PathBuf,
     /// As the window has it.
     pub title: String,
-    /// The scene file.
+    /// Notices when the scene file changes.
     pub watch: Watch,
     /// Edits that are not in it.
     pub journal: Journal,
@@ -143,7 +142,7 @@ impl Open {
         let mut wish = options.wish;
         wish.on_gpu = !software;
         if wish.estimates {
-            wish.kind.get_or_insert(Kind::Map); // until the user asks for something else
+            wish.kind.get_or_insert(TechniqueKind::Map); // until the user asks for something else
         }
         let mut state = State::new(options.path, options.scene, options.settings, backend, wish);
         (state.panel, state.passes) = (options.panel, options.passes);
@@ -160,7 +159,7 @@ impl Open {
             modifiers: ModifiersState::empty(),
             history: History::default(),
             asked: [None, None],
-            markers_asked: Wanted::default(),
+            markers_asked: ShownMarkers::default(),
             area: egui::Rect::NOTHING,
             moved: now,
             ticked: now,

@@ -14,22 +14,22 @@ const STEEPEST: f64 = 0.9995;
 /// Which keys of flight are down: +1, 0 or −1 an axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Flight {
-    /// D less A.
+    /// 1 while D is down, −1 while A is.
     pub right: f64,
-    /// E less Q.
+    /// 1 while E is down, −1 while Q is.
     pub up: f64,
-    /// W less S.
+    /// 1 while W is down, −1 while S is.
     pub forward: f64,
 }
 
 impl Flight {
-    /// No key is down.
+    /// Whether no key of flight is down, or they cancel each other.
     pub fn is_still(self) -> bool {
         self == Flight::default()
     }
 }
 
-/// Moves a camera.
+/// Moves a camera by drags, the wheel and keys of flight.
 #[derive(Clone, Debug)]
 pub struct Controller {
     /// Where it is now.

@@ -153,7 +153,7 @@ impl Pane {
         self.markers.as_ref().map(|(markers, size)| (&**markers, *size))
     }
 
-    /// Its texture.
+    /// The texture of the picture shown, where there is one.
     pub fn texture(&self) -> Option<Texture> {
         self.shown.as_ref().map(|frame| frame.texture)
     }

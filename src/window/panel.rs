@@ -6,11 +6,11 @@ use glam::DVec3;
 use super::exchange::Frame;
 use super::history::History;
 use super::keys::{Action, GESTURES, TABLE};
-use super::state::{Right, State, light_name};
+use super::state::{Right, State};
 use crate::device::gl::ToneMap;
 use crate::materials::Material;
-use crate::settings::{Amount, Backend, LightMode, Method, Technique};
-use crate::techniques::{Kind, default_technique};
+use crate::settings::{Amount, Backend, Choice, LightMode, Method, Technique, TechniqueKind};
+use crate::techniques::default_technique;
 
 /// The panel's width, points.
 pub const WIDTH: f32 = 290.0;
@@ -86,39 +86,33 @@ fn messages(ui: &mut Ui, state: &State) {
     }
 }
 
-fn backend_box(ui: &mut Ui, id: &str, backend: &mut Backend) {
-    egui::ComboBox::from_id_salt(id).selected_text(backend.name()).width(70.0).show_ui(ui, |ui| {
-        for one in Backend::ALL {
-            ui.selectable_value(backend, one, one.name());
+/// A list to choose from, by name.
+fn choice_box<T: Choice>(ui: &mut Ui, id: &str, width: f32, chosen: &mut T) {
+    egui::ComboBox::from_id_salt(id).selected_text(chosen.row().name).width(width).show_ui(ui, |ui| {
+        for row in T::offered() {
+            ui.selectable_value(chosen, row.value, row.name);
         }
     });
 }
 
-fn method_box(ui: &mut Ui, id: &str, method: &mut Method) {
-    egui::ComboBox::from_id_salt(id).selected_text(method.name()).width(80.0).show_ui(ui, |ui| {
-        for one in [Method::Grid, Method::Tiles, Method::TiledGrid, Method::Knn, Method::Brute] {
-            ui.selectable_value(method, one, one.name());
-        }
+/// Who makes a picture.
+fn maker(ui: &mut Ui, side: &str, backend: &mut Backend, method: &mut Method) {
+    ui.horizontal(|ui| {
+        ui.label(side);
+        choice_box(ui, &format!("{side} backend"), 70.0, backend);
+        choice_box(ui, &format!("{side} method"), 80.0, method);
     });
 }
 
 fn picture(ui: &mut Ui, state: &mut State) {
-    ui.horizontal(|ui| {
-        ui.label("left");
-        backend_box(ui, "left backend", &mut state.backend);
-        method_box(ui, "left method", &mut state.settings.gather.method);
-    });
+    maker(ui, "left", &mut state.backend, &mut state.settings.gather.method);
     if let Some(Right { backend, method }) = &mut state.right {
-        ui.horizontal(|ui| {
-            ui.label("right");
-            backend_box(ui, "right backend", backend);
-            method_box(ui, "right method", method);
-        });
+        maker(ui, "right", backend, method);
     }
     ui.horizontal(|ui| {
         ui.label("light");
-        for mode in [LightMode::Hybrid, LightMode::Photons, LightMode::Direct] {
-            ui.selectable_value(&mut state.settings.light, mode, light_name(mode));
+        for row in LightMode::offered() {
+            ui.selectable_value(&mut state.settings.light, row.value, row.name);
         }
     });
     at_rest(ui, state);
@@ -138,18 +132,14 @@ fn picture(ui: &mut Ui, state: &mut State) {
 
 /// How passes are made.
 fn at_rest(ui: &mut Ui, state: &mut State) {
-    let name = |kind: Option<Kind>| match kind {
-        None => "automatic",
-        Some(Kind::FinalGather) => "final gathering",
-        Some(Kind::Map) => "density estimates",
-    };
+    let name = |kind: Option<TechniqueKind>| kind.map_or("automatic", |kind| kind.row().title);
     // Where it is not to be had, density estimates take its place.
     let suits = matches!(default_technique(&state.scene, &state.settings), Technique::FinalGather(_));
     ui.horizontal(|ui| {
         ui.label("at rest");
         egui::ComboBox::from_id_salt("at rest").selected_text(name(state.wish.kind)).show_ui(ui, |ui| {
-            for kind in [None, Some(Kind::FinalGather), Some(Kind::Map)] {
-                ui.add_enabled_ui(suits || kind != Some(Kind::FinalGather), |ui| {
+            for kind in std::iter::once(None).chain(TechniqueKind::ALL.map(Some)) {
+                ui.add_enabled_ui(suits || kind != Some(TechniqueKind::FinalGather), |ui| {
                     ui.selectable_value(&mut state.wish.kind, kind, name(kind));
                 });
             }
@@ -326,7 +316,7 @@ fn material(ui: &mut Ui, material: &mut Material) {
 pub fn help(ui: &Ui, open: &mut bool) {
     egui::Window::new("Keys and mouse").open(open).resizable(false).vscroll(true).show(ui.ctx(), |ui| {
         egui::Grid::new("keys").striped(true).show(ui, |ui| {
-            let keys = TABLE.iter().map(|(key, what, _)| (*key, *what));
+            let keys = TABLE.iter().map(|binding| (binding.key, &*binding.does));
             for (key, what) in GESTURES.iter().copied().chain(keys) {
                 ui.label(RichText::new(key).strong());
                 ui.label(what);

@@ -3,15 +3,15 @@
 /// Times of many frames, ms.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Percentiles {
-    /// How many.
+    /// How many frames were timed.
     pub frames: usize,
-    /// Half take no longer.
+    /// Half of them take no longer, ms.
     pub p50: f64,
-    /// Nine of ten.
+    /// Nine of ten take no longer, ms.
     pub p90: f64,
-    /// 99 of 100.
+    /// 99 of 100 take no longer, ms.
     pub p99: f64,
-    /// The longest.
+    /// The longest takes this, ms.
     pub max: f64,
 }
 

@@ -75,7 +75,7 @@ pub fn project(camera: &Camera, aspect: f64, point: DVec3) -> Option<(f64, f64, 
 /// Something held by the mouse.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Held {
-    /// What.
+    /// The light or sphere that moves with the mouse.
     pub thing: Thing,
     /// From the point that the hand took to the thing's centre.
     offset: DVec3,

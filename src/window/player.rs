@@ -68,7 +68,7 @@ impl Player {
         true
     }
 
-    /// What it took.
+    /// How long the pictures shown so far took, as a replay's result.
     pub fn finish(&self, budget: Option<f64>) -> Replayed {
         self.counting.clone().finish(budget)
     }
@@ -90,7 +90,7 @@ impl Recording {
         Recording { recorder: now.then(|| (Recorder::default(), Instant::now())), path, kept: Instant::now() }
     }
 
-    /// It goes on.
+    /// Whether key frames are being recorded.
     pub fn is_on(&self) -> bool {
         self.recorder.is_some()
     }

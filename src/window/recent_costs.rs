@@ -12,7 +12,7 @@ pub struct RecentCosts {
 }
 
 impl RecentCosts {
-    /// One more; beyond `far` it counts alone.
+    /// Adds the cost of a frame; one beyond `far` counts alone.
     pub fn add(&mut self, cost: f64, far: f64) {
         if cost > far {
             *self = RecentCosts { last: Vec::new(), is_far: true };
@@ -23,7 +23,7 @@ impl RecentCosts {
         self.last.push(cost);
     }
 
-    /// How many count.
+    /// How many of the last costs count.
     pub fn count(&self) -> usize {
         self.last.len()
     }

@@ -13,7 +13,7 @@ use super::percentiles::{Percentiles, resident_bytes};
 use super::request::Request;
 use super::script::Script;
 use crate::device::gl::{Headless, Picture};
-use crate::device::live_objects::{Kind, alive};
+use crate::device::live_objects::{Api, alive};
 use crate::device::submissions;
 use crate::error::Result;
 use crate::pipeline::{Machine, Times};
@@ -54,7 +54,7 @@ pub struct Slow {
     pub frame: usize,
     /// From the request to the picture, ms.
     pub ms: f64,
-    /// Its quality.
+    /// The rung of the ladder of quality that it was made at.
     pub level: String,
     /// Stages of the picture.
     pub times: Times,
@@ -124,7 +124,7 @@ impl Counting {
             self.memory.push(resident_bytes());
         }
         if self.times.len() * 4 >= frames && self.quarter.is_none() {
-            self.quarter = Some((resident_bytes(), [alive(Kind::OpenGl), alive(Kind::OpenCl)]));
+            self.quarter = Some((resident_bytes(), [alive(Api::OpenGl), alive(Api::OpenCl)]));
         }
     }
 
@@ -133,9 +133,9 @@ impl Counting {
         self.times.len()
     }
 
-    /// The result.
+    /// What the replay amounts to, against a budget in ms.
     pub fn finish(mut self, budget_ms: Option<f64>) -> Replayed {
-        let now = (resident_bytes(), [alive(Kind::OpenGl), alive(Kind::OpenCl)]);
+        let now = (resident_bytes(), [alive(Api::OpenGl), alive(Api::OpenCl)]);
         let then = self.quarter.unwrap_or(now);
         self.levels.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
         Replayed {

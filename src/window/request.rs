@@ -38,7 +38,7 @@ pub struct Key {
     backend: Backend,
     features: Features,
     method: Method,
-    kernel: DensityKernel,
+    density_kernel: DensityKernel,
     light: LightMode,
     gathering: Gathering,
 }
@@ -50,7 +50,7 @@ impl Key {
             backend,
             features: Features::of(scene, settings),
             method: settings.gather.method,
-            kernel: settings.gather.kernel,
+            density_kernel: settings.gather.density_kernel,
             light: settings.light,
             gathering: gathering.divided(is_divided(scene)),
         }

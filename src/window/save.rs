@@ -58,8 +58,8 @@ pub fn updated(text: &str, old: &Scene, new: &Scene) -> Result<String> {
         };
         put("photons", a.photons != b.photons, b.photons.map(|n| (n as i64).into()));
         put("radius", a.radius != b.radius, b.radius.map(|r| rounded(r).into()));
-        put("gather", a.gather != b.gather, b.gather.clone().map(toml_edit::Value::from));
-        put("light", a.light != b.light, b.light.clone().map(toml_edit::Value::from));
+        put("gather", a.gather != b.gather, b.gather.map(|method| method.name().into()));
+        put("light", a.light != b.light, b.light.map(|mode| mode.name().into()));
         put("exposure", a.exposure != b.exposure, b.exposure.map(|e| rounded(e).into()));
     }
     Ok(document.to_string())
@@ -132,6 +132,7 @@ fn vector(table: &mut dyn TableLike, key: &str, old: DVec3, new: DVec3) {
 mod tests {
     use super::*;
     use crate::scene::parse;
+    use crate::settings::Method;
 
     const TEXT: &str = "# A room.\n\n[camera] # where from\nposition = [0, 0.0, 9] # in front\nlook_at = [0, 0, 0]\n\n\
         [materials.white]\ncolor = [1, 1, 1] # paper\n\n# The lamp.\n[[lights]]\nposition = [0, 2.70, 0]\n\
@@ -169,7 +170,7 @@ mod tests {
         new.materials[0].diffuse = 0.5;
         new.materials[0].roughness = 0.2;
         new.render.exposure = Some(-1.5);
-        new.render.gather = Some("tiles".into());
+        new.render.gather = Some(Method::Tiles);
         let text = updated(TEXT, &room(), &new).unwrap();
         assert_eq!(parse(&text, "room.toml").unwrap(), new, "{text}");
         for comment in ["# A room.", "# where from", "# in front", "# paper", "# The lamp.", "# a metre"] {

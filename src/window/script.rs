@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, Result};
 use crate::scene::Scene;
 
-/// A path.
+/// A camera path as its file has it.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Script {
@@ -30,7 +30,7 @@ pub struct Script {
     /// How often the path is gone through.
     #[serde(default = "once")]
     pub repeat: u32,
-    /// At least two.
+    /// Moments that the camera passes, at least two, by rising time.
     pub keys: Vec<KeyFrame>,
 }
 
@@ -57,7 +57,7 @@ pub struct KeyFrame {
 const MOST_FRAMES: f64 = 8.64e6;
 
 impl Script {
-    /// Reads a file.
+    /// Reads and checks a script file.
     ///
     /// # Errors
     /// [`Error::Usage`] naming the file, what was found and what was expected.
@@ -67,7 +67,7 @@ impl Script {
         Script::parse(&text).map_err(|what| Error::Usage(format!("script {}: {what}", path.display())))
     }
 
-    /// Reads a text.
+    /// Reads and checks the text of a script.
     ///
     /// # Errors
     /// With what was found and what was expected.

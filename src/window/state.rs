@@ -11,8 +11,8 @@ use super::pick::{self, Thing};
 use super::request::Request;
 use crate::device::gl::ToneMap;
 use crate::scene::Scene;
-use crate::settings::{Backend, LightMode, Method, Settings};
-use crate::techniques::{Kind, Wish};
+use crate::settings::{Backend, LightMode, Method, Settings, TechniqueKind};
+use crate::techniques::Wish;
 
 /// The right picture of two: what differs from the left one.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,7 +54,7 @@ pub struct State {
     /// From radiance to display.
     pub tone_map: ToneMap,
     /// Drawn over the picture.
-    pub markers: markers::Wanted,
+    pub markers: markers::ShownMarkers,
     /// No refining.
     pub paused: bool,
     /// Passes until converged.
@@ -128,7 +128,7 @@ impl State {
             divider: 0.5,
             heat: false,
             tone_map: ToneMap::default(),
-            markers: markers::Wanted::default(),
+            markers: markers::ShownMarkers::default(),
             paused: false,
             passes: 256,
             wish,
@@ -180,7 +180,7 @@ impl State {
 
     /// The user changed how photons are gathered: passes do it that way, too.
     pub fn gather_asked(&mut self) {
-        self.wish.kind = Some(Kind::Map);
+        self.wish.kind = Some(TechniqueKind::Map);
     }
 
     /// The file was read again: what the user changed gives way, but the camera stays unless the file moved it.
@@ -208,8 +208,7 @@ impl State {
                 _ => self.backend = next(self.backend, &Backend::ALL),
             },
             Action::Light => {
-                let all = [LightMode::Hybrid, LightMode::Photons, LightMode::Direct];
-                self.settings.light = next(self.settings.light, &all);
+                self.settings.light = next(self.settings.light, &LightMode::ALL);
             }
             Action::Pause => self.paused = !self.paused,
             Action::Split => {
@@ -267,10 +266,10 @@ impl State {
         let (now, then) = (&self.settings, &self.first_settings);
         let render = &mut scene.render;
         if now.light != then.light {
-            render.light = Some(light_name(now.light).into());
+            render.light = Some(now.light);
         }
         if now.gather.method != then.gather.method {
-            render.gather = Some(now.gather.method.name().into());
+            render.gather = Some(now.gather.method);
         }
         if now.gather.radius != then.gather.radius {
             render.radius = now.gather.radius.map(f64::from);
@@ -287,27 +286,18 @@ impl State {
     }
 }
 
-/// As the scene file and the command line write it.
-pub fn light_name(light: LightMode) -> &'static str {
-    match light {
-        LightMode::Hybrid => "hybrid",
-        LightMode::Photons => "photons",
-        LightMode::Direct => "direct",
-    }
-}
-
 /// The one after `now`, around.
 fn next<T: Copy + PartialEq>(now: T, all: &[T]) -> T {
     let at = all.iter().position(|one| *one == now).unwrap_or(0);
     all[(at + 1) % all.len()]
 }
 
-fn next_markers(now: markers::Wanted) -> markers::Wanted {
-    let none = markers::Wanted::default();
+fn next_markers(now: markers::ShownMarkers) -> markers::ShownMarkers {
+    let none = markers::ShownMarkers::default();
     match (now.photons, now.cells, now.tiles) {
-        (false, false, false) => markers::Wanted { photons: true, ..none },
-        (true, false, false) => markers::Wanted { cells: true, ..none },
-        (false, true, false) => markers::Wanted { tiles: true, ..none },
+        (false, false, false) => markers::ShownMarkers { photons: true, ..none },
+        (true, false, false) => markers::ShownMarkers { cells: true, ..none },
+        (false, true, false) => markers::ShownMarkers { tiles: true, ..none },
         _ => none,
     }
 }

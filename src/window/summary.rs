@@ -55,7 +55,7 @@ pub struct Summary {
     pub first_image_ms: Option<f64>,
     /// And to the first one by the backend that was asked for.
     pub first_backend_ms: Option<f64>,
-    /// Pictures shown.
+    /// How many pictures were shown.
     pub frames: u64,
     /// It was closed from outside, by a signal.
     pub interrupted: bool,

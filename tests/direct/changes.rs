@@ -85,7 +85,8 @@ fn pictures_of_photons_follow_every_change_to_the_byte() {
     let direct = direct(24, 18, 2);
     let photons = photile::settings::Photons { amount: Amount::Paths(1000), ..direct.photons };
     let map = |method| {
-        let gather = Gather { method, ..direct.gather };
+        // A chosen radius stands as long as its map does, from wherever that is seen.
+        let gather = Gather { method, radius: Some(0.8), ..direct.gather };
         Settings { light: LightMode::Hybrid, photons, gather, ..direct.clone() }
     };
     let rays = FinalGather { rays: 4, own_rays: 2, points: 4, texels: 2000, ..FinalGather::default() };

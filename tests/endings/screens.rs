@@ -5,6 +5,7 @@ use std::path::Path;
 use std::process::{Child, Stdio};
 
 use photile::scene;
+use photile::settings::LightMode;
 use serde_json::Value;
 
 use super::{ends, gi_ref, photile, send, text, until};
@@ -31,7 +32,7 @@ fn edited(display: &Display, folder: &Path) -> Child {
     program
 }
 
-fn light(path: &Path) -> Option<String> {
+fn light(path: &Path) -> Option<LightMode> {
     scene::load(path).unwrap().render.light
 }
 

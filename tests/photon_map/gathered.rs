@@ -9,14 +9,14 @@ use photile::device::cl::{Buffer, Context};
 use photile::device::gl::{Headless, Program, Target};
 use photile::kinds::{ShapeKind, ShapeSet};
 use photile::packing::Packed;
-use photile::plan::cells::{CellSize, Form, Plan};
+use photile::plan::cells::{CellSize, Form, GridPlan};
 use photile::program::features::{Features, Lights};
 use photile::program::gathering::{DensityKernel, Gathering, Method};
 use photile::program::source::{Options, Source, assemble};
 use photile::rays::camera::camera_direction;
 use photile::rays::scene::{SceneTables, Surface};
 use photile::records::{Frame, Material, SPHERE, Shape};
-use photile::stage::grid::{Grid, GridStage, Wanted};
+use photile::stage::grid::{Grid, GridSettings, GridStage};
 use photile::stage::photon_map::PhotonMap;
 use photile::stage::photon_textures::PhotonTextures;
 use photile::stage::scene_buffers::SceneBuffers;
@@ -68,7 +68,7 @@ fn built<'a>(
     context: &Context,
     stage: &'a mut GridStage,
     map: PhotonMap,
-    wanted: &Wanted,
+    wanted: &GridSettings,
     method: Method,
 ) -> (&'a Grid, Option<PhotonMap>) {
     let shapes = packed().shapes;
@@ -83,7 +83,7 @@ fn on_device_with(
     context: &Context,
     stage: &mut GridStage,
     map: &Map,
-    wanted: &Wanted,
+    wanted: &GridSettings,
     (gathering, lanes): (Gathering, u32),
     change: impl FnOnce(&mut Source),
 ) -> Vec<[f32; 3]> {
@@ -112,7 +112,7 @@ fn on_device(
     context: &Context,
     stage: &mut GridStage,
     map: &Map,
-    wanted: &Wanted,
+    wanted: &GridSettings,
     gathering: Gathering,
     lanes: u32,
 ) -> Vec<[f32; 3]> {
@@ -124,7 +124,7 @@ fn on_gl(
     headless: &Headless,
     stage: &mut GridStage,
     map: &Map,
-    wanted: &Wanted,
+    wanted: &GridSettings,
     gathering: Gathering,
 ) -> Vec<[f32; 3]> {
     let (grid, stored) = built(context, stage, upload(context, map), wanted, gathering.method);
@@ -145,11 +145,16 @@ fn on_gl(
 }
 
 /// A map as the twin gathers from it by a grid.
-fn in_grid<'a>(map: &'a Map, gathering: &'a Gathering, plan: &'a Plan, grid: &'a GridTables) -> gather::PhotonMap<'a> {
+fn in_grid<'a>(
+    map: &'a Map,
+    gathering: &'a Gathering,
+    plan: &'a GridPlan,
+    grid: &'a GridTables,
+) -> gather::PhotonMap<'a> {
     gather::PhotonMap { gathering, plan, stored: map.tables(), grid, tiles: None }
 }
 
-fn by_twin(map: &Map, wanted: &Wanted, gathering: Gathering) -> Vec<[f32; 3]> {
+fn by_twin(map: &Map, wanted: &GridSettings, gathering: Gathering) -> Vec<[f32; 3]> {
     let (packed, features, frame) = (packed(), features(), frame());
     let scene = SceneTables::new(&packed, &features);
     let mut plan = map.plan(&packed.shapes, wanted.radius, wanted.size, wanted.form);
@@ -186,21 +191,26 @@ fn grids_of_both_forms_equal_brute_force_on_every_lane_width() {
     let map = room_photons(3000, 11);
     for radius in [0.15, 1.0] {
         for kernel in DensityKernel::ALL {
-            let gathering =
-                Gathering { kernel, clip: true, both_sides: true, footprints: true, ..Gathering::default() };
-            let truth = by_twin(&map, &Wanted::radius(radius), Gathering { method: Method::Brute, ..gathering });
+            let gathering = Gathering {
+                density_kernel: kernel,
+                clip: true,
+                both_sides: true,
+                footprints: true,
+                ..Gathering::default()
+            };
+            let truth = by_twin(&map, &GridSettings::radius(radius), Gathering { method: Method::Brute, ..gathering });
             for form in [Form::Dense, Form::Hashed(Some(32))] {
-                let wanted = Wanted { form, ..Wanted::radius(radius) };
+                let wanted = GridSettings { form, ..GridSettings::radius(radius) };
                 let twin = by_twin(&map, &wanted, gathering);
                 assert!(difference(&truth, &twin) < SAME_HITS, "{kernel:?}, {form:?}: {}", difference(&truth, &twin));
             }
         }
         let gathering = Gathering { clip: true, ..Gathering::default() };
         let brute = Gathering { method: Method::Brute, ..gathering };
-        let truth = on_device(&context, &mut stage, &map, &Wanted::radius(radius), brute, context.device.lanes);
+        let truth = on_device(&context, &mut stage, &map, &GridSettings::radius(radius), brute, context.device.lanes);
         for lanes in [1, context.device.lanes] {
             for form in [Form::Dense, Form::Hashed(Some(32))] {
-                let wanted = Wanted { form, ..Wanted::radius(radius) };
+                let wanted = GridSettings { form, ..GridSettings::radius(radius) };
                 let found = on_device(&context, &mut stage, &map, &wanted, gathering, lanes);
                 let off = difference(&truth, &found);
                 assert!(off < SAME_HITS, "{lanes} lanes, {form:?}, R = {radius}: {off}");
@@ -224,8 +234,9 @@ fn device_and_twin_gather_the_same() {
         (Method::Knn, DensityKernel::Biweight, true),
         (Method::Brute, DensityKernel::Cone, true),
     ] {
-        let gathering = Gathering { method, kernel, clip: true, both_sides, footprints: both_sides, hashed: false };
-        let wanted = Wanted { nearest: 12, ..Wanted::radius(0.8) };
+        let gathering =
+            Gathering { method, density_kernel: kernel, clip: true, both_sides, footprints: both_sides, hashed: false };
+        let wanted = GridSettings { nearest: 12, ..GridSettings::radius(0.8) };
         let twin = by_twin(&map, &wanted, gathering);
         let found = on_device(&context, &mut stage, &map, &wanted, gathering, context.device.lanes);
         let off = difference(&twin, &found);
@@ -261,10 +272,11 @@ fn share_of_truth_in_corners(gathering: Gathering) -> f32 {
 #[test]
 fn corners_are_as_bright_as_walls() {
     for kernel in DensityKernel::ALL {
-        let clipped = share_of_truth_in_corners(Gathering { kernel, clip: true, ..Gathering::default() });
+        let clipped =
+            share_of_truth_in_corners(Gathering { density_kernel: kernel, clip: true, ..Gathering::default() });
         // Eight corners with some 120 photons within R of each, all queries of a corner sharing them: 3 %.
         assert!((clipped - 1.0).abs() < 0.1, "{kernel:?}: {clipped}");
-        let open = share_of_truth_in_corners(Gathering { kernel, ..Gathering::default() });
+        let open = share_of_truth_in_corners(Gathering { density_kernel: kernel, ..Gathering::default() });
         assert!(open < 0.6, "without clipping corners must be dark, {kernel:?}: {open}");
     }
 }
@@ -283,7 +295,7 @@ fn the_fragment_shader_gathers_the_same() {
     ] {
         let both_sides = form != Form::Dense;
         let gathering = Gathering { method, clip: true, both_sides, footprints: both_sides, ..Gathering::default() };
-        let wanted = Wanted { nearest: 12, form, ..Wanted::radius(0.8) };
+        let wanted = GridSettings { nearest: 12, form, ..GridSettings::radius(0.8) };
         let twin = by_twin(&map, &wanted, gathering);
         let found = on_gl(&context, &headless, &mut stage, &map, &wanted, gathering);
         let off = difference(&twin, &found);
@@ -304,8 +316,8 @@ fn every_kernel_is_the_twins_in_both_languages() {
     let context = device();
     let headless = Headless::new().expect("an OpenGL driver");
     let mut stage = GridStage::new(&context).unwrap();
-    let (map, wanted) = (room_photons(3000, 16), Wanted::radius(0.8));
-    let gathering = |kernel| Gathering { kernel, clip: true, ..Gathering::default() };
+    let (map, wanted) = (room_photons(3000, 16), GridSettings::radius(0.8));
+    let gathering = |kernel| Gathering { density_kernel: kernel, clip: true, ..Gathering::default() };
     let twins = DensityKernel::ALL.map(|kernel| by_twin(&map, &wanted, gathering(kernel)));
     for (number, kernel) in DensityKernel::ALL.into_iter().enumerate() {
         let cl = on_device(&context, &mut stage, &map, &wanted, gathering(kernel), context.device.lanes);
@@ -392,11 +404,11 @@ fn the_device_takes_the_k_nearest_of_either_form() {
     let gathering = Gathering { method: Method::Knn, clip: true, ..Gathering::default() };
     for form in [Form::Dense, Form::Hashed(Some(32))] {
         for k in [1, 2, 30, 256] {
-            let wanted = Wanted { nearest: k, form, ..Wanted::radius(0.8) };
+            let wanted = GridSettings { nearest: k, form, ..GridSettings::radius(0.8) };
             let found = on_device(&context, &mut stage, &map, &wanted, gathering, context.device.lanes);
             let off = difference(&by_twin(&map, &wanted, gathering), &found);
             assert!(off < OTHER_COMPILER, "k = {k}, {form:?}: {off}");
-            let more = by_twin(&map, &Wanted { nearest: k + 1, ..wanted }, gathering);
+            let more = by_twin(&map, &GridSettings { nearest: k + 1, ..wanted }, gathering);
             // No disc holds so many.
             assert!(k == 256 || difference(&more, &found) > OTHER_COMPILER, "{k} for {}, {form:?}", k + 1);
         }
@@ -442,7 +454,7 @@ fn an_even_sphere_is_as_bright_in_discs_of_every_size() {
             // fade, fewer by the root of n. And rounded sums.
             let exponent = if kernel == DensityKernel::Constant { -0.75 } else { -1.25 };
             let tolerance = 2.5 * within.powf(exponent) + 5e-6;
-            let gathering = Gathering { kernel, hashed: plan.hashed, ..Gathering::default() };
+            let gathering = Gathering { density_kernel: kernel, hashed: plan.hashed, ..Gathering::default() };
             let seen = in_grid(&map, &gathering, &plan, &tables);
             let mut random = Random::new(20);
             for number in 0..20 {
@@ -483,7 +495,7 @@ fn a_set_in_another_order_renders_the_same() {
     let context = device();
     let mut stage = GridStage::new(&context).unwrap();
     let map = room_photons(500, 11);
-    let wanted = Wanted::radius(0.5);
+    let wanted = GridSettings::radius(0.5);
     let mut by = |change: &dyn Fn(&mut Source)| {
         on_device_with(&context, &mut stage, &map, &wanted, (Gathering::default(), context.device.lanes), change)
     };
@@ -509,7 +521,7 @@ fn pixel_buffers_fill_textures_as_host_memory_does() {
             let [host, pixels] = [false, true].map(|is_gpu| {
                 // Devices that are not the CPU take the other way.
                 context.device.is_gpu = is_gpu;
-                on_gl(&context, &headless, &mut stage, &map, &Wanted::radius(0.8), gathering)
+                on_gl(&context, &headless, &mut stage, &map, &GridSettings::radius(0.8), gathering)
             });
             assert!(host == pixels, "{count} photons, {method:?}");
             assert!(host.iter().flatten().any(|channel| *channel > 0.0));
@@ -523,13 +535,13 @@ fn one_photon_more_or_less_would_be_noticed() {
     let mut fewer = map.clone();
     fewer.powers.iter_mut().for_each(|p| p.power = [0.0; 3]);
     let one = Gathering::default();
-    let all = by_twin(&map, &Wanted::radius(0.8), one);
-    let dark = by_twin(&fewer, &Wanted::radius(0.8), one);
+    let all = by_twin(&map, &GridSettings::radius(0.8), one);
+    let dark = by_twin(&fewer, &GridSettings::radius(0.8), one);
     assert!(difference(&all, &dark) > OTHER_COMPILER);
     let seen = (0..map.len()).find(|i| {
         let mut without = map.clone();
         without.powers[*i].power = [0.0; 3];
-        difference(&all, &by_twin(&without, &Wanted::radius(0.8), one)) > OTHER_COMPILER
+        difference(&all, &by_twin(&without, &GridSettings::radius(0.8), one)) > OTHER_COMPILER
     });
     assert!(seen.is_some(), "a lost photon changes no pixel by more than the tolerance");
 }

@@ -8,7 +8,7 @@ use photile::settings::{Amount, Backend, Gather, Method, Settings};
 use super::tiles::scene;
 use super::{device, room, room_photons, upload};
 use crate::common::one_at_a_time;
-use photile::stage::grid::{GridStage, Wanted};
+use photile::stage::grid::{GridSettings, GridStage};
 
 #[test]
 fn a_map_takes_what_was_said_whatever_the_scenes_extent() {
@@ -48,7 +48,7 @@ fn the_account_is_that_of_the_buffers() {
     let map = upload(&context, &room_photons(10_000, 3));
     let tables = map.bytes();
     assert_eq!(context.memory.held(), empty + tables);
-    stage.build(&context, &room(), map, &Wanted::radius(0.2)).unwrap();
+    stage.build(&context, &room(), map, &GridSettings::radius(0.2)).unwrap();
     assert!(context.memory.held() >= before + stage.bytes(), "scans count as well");
     drop(stage);
     assert_eq!(context.memory.held(), before);

@@ -18,7 +18,7 @@ use photile::cpu::grid::{PhotonSurface, PhotonTables, face_of, grid_bounds};
 use photile::device::cl::{Context, devices};
 use photile::packing::Packed;
 use photile::pipeline::open_device;
-use photile::plan::cells::{CellSize, Form, Plan, plan};
+use photile::plan::cells::{CellSize, Form, GridPlan, plan};
 use photile::rays::random::{hash2_u, unit_real};
 use photile::records::{Material, PLANE, PhotonDirection, PhotonPosition, PhotonPower, SPHERE, Shape};
 use photile::stage::photon_map::PhotonMap;
@@ -84,7 +84,7 @@ impl Map {
         }
     }
 
-    pub fn plan(&self, shapes: &[Shape], radius: f32, size: CellSize, form: Form) -> Plan {
+    pub fn plan(&self, shapes: &[Shape], radius: f32, size: CellSize, form: Form) -> GridPlan {
         let bounds = grid_bounds(&self.tables(), 2 * shapes.len());
         plan(shapes, true, &bounds, self.len(), radius, size, form).unwrap()
     }

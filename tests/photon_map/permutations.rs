@@ -16,7 +16,7 @@ use crate::common::one_at_a_time;
 fn choices(gathering: &Gathering) -> [usize; 6] {
     let methods = [Method::Grid, Method::Tiles, Method::TiledGrid, Method::Knn, Method::Brute];
     let place = |method| methods.iter().position(|m| *m == method).expect("a method that gathers");
-    let kernel = DensityKernel::ALL.iter().position(|k| *k == gathering.kernel).expect("a kernel");
+    let kernel = DensityKernel::ALL.iter().position(|k| *k == gathering.density_kernel).expect("a kernel");
     let flags = [gathering.hashed, gathering.clip, gathering.both_sides, gathering.footprints].map(usize::from);
     [place(gathering.method), kernel, flags[0], flags[1], flags[2], flags[3]]
 }

@@ -3,7 +3,7 @@
 use glam::Vec3;
 use photile::cpu::gather::{PhotonMap, near};
 use photile::cpu::grid::{GridTables, cells_of, face_of, grid, hashed_row};
-use photile::plan::cells::{CellSize, Form, Plan};
+use photile::plan::cells::{CellSize, Form, GridPlan};
 use photile::program::gathering::Gathering;
 use photile::records::PhotonPosition;
 
@@ -29,7 +29,7 @@ fn answer(map: &PhotonMap, tables: &GridTables, face: usize, point: Vec3) -> Vec
 
 /// How many of the photons around a point lie in buckets that its own row looks into as well: of another row, they would
 /// be counted twice if rows did not tell their photons.
-fn shared(map: &Map, plan: &Plan, face: usize, point: Vec3, around: &[u32]) -> usize {
+fn shared(map: &Map, plan: &GridPlan, face: usize, point: Vec3, around: &[u32]) -> usize {
     let record = &plan.faces[face];
     let cell = |position: Vec3| cells_of(&PhotonPosition { position: position.into() }, record, &plan.gather);
     let bucket = |[u, v, w]: [i32; 3]| hashed_row(record, v, w).wrapping_add(u) & plan.gather.bucket_mask as i32;
@@ -102,7 +102,7 @@ fn a_million_queries_with_forced_collisions_miss_nothing_and_double_nothing() {
 fn faces_whose_rows_began_at_the_same_bucket_would_be_mixed_up() {
     let (map, radius) = (room_photons(400, 1), 0.7);
     let mut plan = map.plan(&room(), radius, CellSize::Auto, Form::Hashed(Some(2)));
-    let mixed = |plan: &Plan| {
+    let mixed = |plan: &GridPlan| {
         let tables = grid(&map.tables(), plan);
         let gathering = Gathering { hashed: true, ..Gathering::default() };
         let seen = PhotonMap { gathering: &gathering, plan, stored: map.tables(), grid: &tables, tiles: None };

@@ -4,13 +4,13 @@ use photile::cpu::grid::{GridTables, grid};
 use photile::device::cl::Context;
 use photile::plan::cells::{CellSize, Form};
 use photile::records::TEXEL;
-use photile::stage::grid::{GridStage, Wanted};
+use photile::stage::grid::{GridSettings, GridStage};
 use photile::stage::photon_map::first;
 
 use super::{Map, Random, device, like_a_gpu, room, room_photons, upload};
 
 /// What the device made, without the order, which it keeps to itself.
-fn built(context: &Context, stage: &mut GridStage, map: &Map, wanted: &Wanted) -> GridTables {
+fn built(context: &Context, stage: &mut GridStage, map: &Map, wanted: &GridSettings) -> GridTables {
     let uploaded = upload(context, map);
     let grid = stage.build(context, &room(), uploaded, wanted).unwrap();
     let sorted = grid.sorted.as_ref().unwrap();
@@ -32,7 +32,7 @@ fn built(context: &Context, stage: &mut GridStage, map: &Map, wanted: &Wanted) -
     tables
 }
 
-fn check(context: &Context, stage: &mut GridStage, map: &Map, wanted: &Wanted) {
+fn check(context: &Context, stage: &mut GridStage, map: &Map, wanted: &GridSettings) {
     let found = built(context, stage, map, wanted);
     let plan = map.plan(&room(), wanted.radius, wanted.size, wanted.form);
     let expected = GridTables { order: Vec::new(), ..grid(&map.tables(), &plan) };
@@ -44,8 +44,8 @@ fn check(context: &Context, stage: &mut GridStage, map: &Map, wanted: &Wanted) {
     assert_eq!(found, built(context, stage, map, wanted), "{what}: another run, other bytes");
 }
 
-fn wanted(radius: f32, form: Form) -> Wanted {
-    Wanted { form, ..Wanted::radius(radius) }
+fn wanted(radius: f32, form: Form) -> GridSettings {
+    GridSettings { form, ..GridSettings::radius(radius) }
 }
 
 const FORMS: [Form; 4] = [Form::Auto, Form::Dense, Form::Hashed(None), Form::Hashed(Some(8))];
@@ -102,6 +102,6 @@ fn build_hard_maps_alike(context: &Context) {
             check(context, &mut stage, &map, &wanted(0.5, form));
         }
     }
-    let counts = Wanted { size: CellSize::Counts([60, 40, 40]), ..Wanted::radius(1.0) };
+    let counts = GridSettings { size: CellSize::Counts([60, 40, 40]), ..GridSettings::radius(1.0) };
     check(context, &mut stage, &room_photons(12_000, 8), &counts);
 }

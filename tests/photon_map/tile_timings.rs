@@ -86,7 +86,7 @@ fn candidates_of_an_accepted_photon() {
                 sampler: Sampler::Sequence,
                 store_direct: false,
             };
-            let plan_of_paths = emission::Plan::new(&packed).unwrap();
+            let plan_of_paths = emission::EmissionPlan::new(&packed).unwrap();
             let stored = photile::cpu::photons::photons(&tables, &plan_of_paths, &emission).unwrap();
             let view = stored.view();
             let bounds = grid_bounds(&view, 2 * packed.shapes.len());
@@ -116,7 +116,7 @@ fn candidates_of_an_accepted_photon() {
                 candidates as f64 / accepted as f64
             );
             for (cells, tile) in [false, true].into_iter().flat_map(|cells| TILES.map(|tile| (cells, tile))) {
-                let wanted = tiling::Wanted { radius, tile, cells };
+                let wanted = tiling::TileSettings { radius, tile, cells };
                 let seen = tiles_seen(&tables, &frame, tile);
                 let plan = tiling::plan(&packed.shapes, &frame, seen, stored.len(), &wanted).unwrap();
                 let lists = tiles(&view, &plan, &frame).unwrap();

@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use glam::Vec3;
 use photile::cpu::tiles::{enter, tile_at, tiles, tiles_seen};
 use photile::kinds::{ShapeKind, ShapeSet};
-use photile::plan::tiling::{self, Plan, Wanted};
+use photile::plan::tiling::{self, TilePlan, TileSettings};
 use photile::program::features::Features;
 use photile::rays::camera::sample_direction;
 use photile::rays::scene::SceneTables;
@@ -66,7 +66,7 @@ fn whatever_the_view_no_photon_that_brute_force_accepts_is_missing() {
     let cases = (views(), tile_sizes(), radii(), any::<bool>(), any::<u32>());
     let result = runner.run(&cases, |(frame, tile, radius, cells, seed)| {
         let map = photons_around(&frame, 500, seed);
-        let [looked, found, missed] = missing(&map, &frame, &Wanted { radius, tile, cells }, radius);
+        let [looked, found, missed] = missing(&map, &frame, &TileSettings { radius, tile, cells }, radius);
         prop_assert_eq!(missed, 0);
         pairs.set(pairs.get() + looked);
         accepted.set(accepted.get() + found);
@@ -83,14 +83,14 @@ fn the_property_notices_photons_that_are_left_out() {
     let mut runner = TestRunner::new(Config { cases: 32, failure_persistence: None, ..Config::default() });
     let result = runner.run(&(views(), any::<u32>()), |(frame, seed)| {
         let map = photons_around(&frame, 500, seed);
-        let [_, _, missed] = missing(&map, &frame, &Wanted { radius: 0.5, tile: [8, 8], cells: true }, 1.0);
+        let [_, _, missed] = missing(&map, &frame, &TileSettings { radius: 0.5, tile: [8, 8], cells: true }, 1.0);
         prop_assert_eq!(missed, 0);
         Ok(())
     });
     assert!(result.is_err(), "tiles for half the radius");
 }
 
-fn plan_of(frame: &Frame, photons: usize, wanted: &Wanted) -> Plan {
+fn plan_of(frame: &Frame, photons: usize, wanted: &TileSettings) -> TilePlan {
     let packed = packed();
     let features = Features { one_sample: frame.samples == 1.0, ..FEATURES };
     let seen = tiles_seen(&SceneTables::new(&packed, &features), frame, wanted.tile);
@@ -121,7 +121,7 @@ fn pixels(frame: &Frame) -> Vec<Seen> {
 }
 
 /// Tiles that a photon enters; and those with a pixel that accepts it, by brute force.
-fn entered(frame: &Frame, wanted: &Wanted, p: Vec3, face: usize) -> [BTreeSet<usize>; 2] {
+fn entered(frame: &Frame, wanted: &TileSettings, p: Vec3, face: usize) -> [BTreeSet<usize>; 2] {
     let plan = plan_of(frame, 1, wanted);
     let mut found = BTreeSet::new();
     enter(&plan, frame, p, face, |tile, _| {
@@ -135,8 +135,8 @@ fn entered(frame: &Frame, wanted: &Wanted, p: Vec3, face: usize) -> [BTreeSet<us
 /// The floor (y = −2), from above.
 const FLOOR: usize = 8;
 
-fn wanted(radius: f32) -> Wanted {
-    Wanted { radius, tile: [8, 8], cells: false }
+fn wanted(radius: f32) -> TileSettings {
+    TileSettings { radius, tile: [8, 8], cells: false }
 }
 
 #[test]
@@ -190,7 +190,7 @@ fn photons_on_an_oblique_wall_before_and_behind_what_a_tile_sees_of_it_are_not_o
     let view = frame(eye, Vec3::Y + 0.3 * along + 0.1 * normal, 60.0, 1);
     let depth = |p: Vec3| (p - eye).dot(view.forward.into());
     let (plan, wider) = (plan_of(&view, 1, &wanted(RADIUS)), plan_of(&view, 1, &wanted(10.0 * RADIUS)));
-    let lists = |plan: &Plan, p: Vec3, wanted: usize| {
+    let lists = |plan: &TilePlan, p: Vec3, wanted: usize| {
         let mut found = false;
         enter(plan, &view, p, FACE, |tile, _| found |= tile == wanted);
         found
@@ -266,7 +266,7 @@ fn black_and_unlit_surfaces_gather_nothing_and_empty_tiles_cost_nothing() {
     let mut stage = TileStage::new(&context).unwrap();
     stage.upload(&context, &packed, &features).unwrap();
     for cells in [false, true] {
-        let wanted = Wanted { radius: 0.5, tile: [8, 8], cells };
+        let wanted = TileSettings { radius: 0.5, tile: [8, 8], cells };
         let seen = tiles_seen(&SceneTables::new(&packed, &features), &view, wanted.tile);
         let plan = tiling::plan(&packed.shapes, &view, seen, map.len(), &wanted).unwrap();
         // The black floor has no regions: what sees it alone is as empty as the sky.
@@ -292,7 +292,8 @@ fn comparisons_of_lists_notice_another_radius_and_another_photon() {
     let map = room_photons(500, 33);
     let view = frame(Vec3::new(-0.5, 1.2, 1.0), Vec3::new(-0.3, -0.35, -0.9), 60.0, 1);
     let of = |map: &Map, radius: f32| {
-        tiles(&map.tables(), &plan_of(&view, map.len(), &Wanted { radius, tile: [7, 5], cells: true }), &view).unwrap()
+        tiles(&map.tables(), &plan_of(&view, map.len(), &TileSettings { radius, tile: [7, 5], cells: true }), &view)
+            .unwrap()
     };
     let lists = of(&map, 0.3);
     assert_eq!(lists, of(&map, 0.3));

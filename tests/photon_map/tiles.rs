@@ -12,7 +12,7 @@ use photile::packing::Packed;
 use photile::pipeline::change::Stage;
 use photile::pipeline::{Machine, Pipeline};
 use photile::plan::choice::Class;
-use photile::plan::tiling::{self, Wanted, plan};
+use photile::plan::tiling::{self, TileSettings, plan};
 use photile::program::features::{Features, Lights};
 use photile::program::gathering::{Gathering, Method};
 use photile::rays::camera::sample_direction;
@@ -71,7 +71,7 @@ fn view(random: &mut Random, samples: u32) -> Frame {
 
 /// Pixel–photon pairs that were looked at, accepted ones, and those of them that the tiles miss. `queried` is the
 /// radius of the queries, `wanted.radius` that of the tiles.
-pub fn missing(map: &Map, frame: &Frame, wanted: &Wanted, queried: f32) -> [usize; 3] {
+pub fn missing(map: &Map, frame: &Frame, wanted: &TileSettings, queried: f32) -> [usize; 3] {
     let packed = packed();
     let features = Features { one_sample: frame.samples == 1.0, ..FEATURES };
     let scene = SceneTables::new(&packed, &features);
@@ -80,7 +80,7 @@ pub fn missing(map: &Map, frame: &Frame, wanted: &Wanted, queried: f32) -> [usiz
     let tables = tiles(&map.tables(), &plan, frame).unwrap();
     plan.gather.radius = queried;
     plan.gather.inverse_radius = 1.0 / queried;
-    let cells = photile::plan::cells::Plan { hashed: false, cells: 0, faces: Vec::new(), gather: plan.gather };
+    let cells = photile::plan::cells::GridPlan { hashed: false, cells: 0, faces: Vec::new(), gather: plan.gather };
     let grid = GridTables::default();
     let by = |method| Gathering { method, ..Gathering::default() };
     let (tiled, brute) = (by(Method::Tiles), by(Method::Brute));
@@ -126,7 +126,7 @@ fn no_photon_that_brute_force_accepts_is_missing_from_its_tile() {
         let frame = view(&mut random, 1 + case % 2);
         let tile = [[1, 1], [7, 5], [16, 16], [40, 1], [64, 64]][random.below(5)];
         let radius = [0.05, 0.3, 1.0, 6.0][random.below(4)];
-        let wanted = Wanted { radius, tile, cells: random.uniform(0.0, 1.0) < 0.5 };
+        let wanted = TileSettings { radius, tile, cells: random.uniform(0.0, 1.0) < 0.5 };
         let [pairs, found, missed] = missing(&map, &frame, &wanted, radius);
         assert_eq!(missed, 0, "{wanted:?}, {frame:?}");
         looked += pairs;
@@ -140,7 +140,7 @@ fn a_radius_too_small_is_noticed() {
     let map = room_photons(1000, 23);
     let frame = frame(Vec3::new(-0.5, 1.2, 1.0), Vec3::new(-0.3, -0.35, -0.9), 60.0, 1);
     for cells in [false, true] {
-        let wanted = Wanted { radius: 0.3, tile: [7, 5], cells };
+        let wanted = TileSettings { radius: 0.3, tile: [7, 5], cells };
         assert!(missing(&map, &frame, &wanted, 0.5)[2] > 0, "tiles for R = 0.3 serve no query of R = 0.5");
     }
 }
@@ -183,12 +183,12 @@ fn make_the_same_lists(context: &Context) {
             let frame = view(&mut random, 1 + case as u32 % 2);
             let features = Features { one_sample: frame.samples == 1.0, ..FEATURES };
             stage.upload(context, &packed, &features).unwrap();
-            let wanted = Wanted { radius: 0.4, tile, cells: tile[0] % 2 == 0 };
+            let wanted = TileSettings { radius: 0.4, tile, cells: tile[0] % 2 == 0 };
             let of = |seen| plan(&packed.shapes, &frame, seen, count, &wanted).unwrap();
             let twin = of(tiles_seen(&SceneTables::new(&packed, &features), &frame, tile));
             let found = of(stage.seen(context, &frame, tile).unwrap());
             // A ray along an edge may hit either side of it: other regions, but few.
-            let same = |plan: &tiling::Plan| plan.regions.iter().map(|r| r.face).collect::<Vec<_>>();
+            let same = |plan: &tiling::TilePlan| plan.regions.iter().map(|r| r.face).collect::<Vec<_>>();
             assert!(same(&twin).len().abs_diff(same(&found).len()) <= 2, "{:?}, {:?}", same(&twin), same(&found));
             if same(&twin) == same(&found) {
                 for (a, b) in twin.regions.iter().zip(&found.regions) {

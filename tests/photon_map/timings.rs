@@ -12,7 +12,7 @@ use photile::program::features::{Features, Lights};
 use photile::program::gathering::Gathering;
 use photile::program::source::{Options, assemble};
 use photile::records::{Frame, Material, PLANE, Shape};
-use photile::stage::grid::{GridStage, Wanted};
+use photile::stage::grid::{GridSettings, GridStage};
 use photile::stage::photon_map::PhotonMap;
 use photile::stage::photon_textures::PhotonTextures;
 use photile::stage::scene_buffers::SceneBuffers;
@@ -89,7 +89,7 @@ fn timings() {
         let times = (0..10).map(|_| {
             context.finish().unwrap();
             let start = Instant::now();
-            stage.build(&context, &packed.shapes, stored.take().unwrap(), &Wanted::radius(0.1)).unwrap();
+            stage.build(&context, &packed.shapes, stored.take().unwrap(), &GridSettings::radius(0.1)).unwrap();
             context.finish().unwrap();
             let time = start.elapsed().as_secs_f64() * 1e3;
             stored = stage.restore(&context).unwrap();
@@ -120,7 +120,7 @@ fn timings() {
     let headless = Headless::new().ok();
     for radius in [0.1f32, 0.2] {
         for ratio in [0.25, 1.0 / 3.0, 0.5, 1.0] {
-            let wanted = Wanted { size: CellSize::Metres([radius * ratio; 3]), ..Wanted::radius(radius) };
+            let wanted = GridSettings { size: CellSize::Metres([radius * ratio; 3]), ..GridSettings::radius(radius) };
             let map = stored.take().or_else(|| stage.restore(&context).unwrap()).unwrap();
             let grid = stage.build(&context, &packed.shapes, map, &wanted).unwrap();
             let gathering = Gathering { clip: true, ..Gathering::default() };

@@ -7,7 +7,7 @@ use photile::cpu::photons::PhotonTables;
 use photile::cpu::scan::exclusive_scan;
 use photile::device::cl::{Buffer, Context, devices};
 use photile::error::Error;
-use photile::rays::emission::{Amount, CELL_BITS, Emission, PART_BITS, Plan, Sampler};
+use photile::rays::emission::{Amount, CELL_BITS, Emission, EmissionPlan, PART_BITS, Sampler};
 use photile::records::{PhotonDirection, PhotonPosition, PhotonPower};
 use photile::stage::photon_map::{PhotonMap, first};
 use photile::stage::photons::Photons;
@@ -127,7 +127,7 @@ fn the_device_walks_as_its_twin_does() {
 fn the_device_walks_as_its_twin_does_where_directions_are_weighed() {
     one_at_a_time();
     let even = Case::shipped("sphere_and_plane");
-    let weighed = Case { plan: Plan::indirect(&even.packed).unwrap(), ..Case::shipped("sphere_and_plane") };
+    let weighed = Case { plan: EmissionPlan::indirect(&even.packed).unwrap(), ..Case::shipped("sphere_and_plane") };
     let parts = |entry: &u32| entry >> CELL_BITS & ((1 << PART_BITS) - 1);
     assert!(even.plan.cells.iter().all(|entry| parts(entry) == 1));
     assert!(weighed.plan.cells.iter().any(|entry| parts(entry) > 1), "no direction is worth more than another");

@@ -9,7 +9,7 @@ use photile::cpu::photons::{PhotonTables, photons};
 use photile::error::Result;
 use photile::packing::Packed;
 use photile::program::features::Features;
-use photile::rays::emission::{Amount, Emission, Plan, Sampler};
+use photile::rays::emission::{Amount, Emission, EmissionPlan, Sampler};
 use photile::rays::scene::SceneTables;
 use photile::scene::{Scene, parse};
 use photile::settings::Settings;
@@ -18,13 +18,13 @@ use photile::settings::Settings;
 pub struct Case {
     pub packed: Packed,
     pub features: Features,
-    pub plan: Plan,
+    pub plan: EmissionPlan,
 }
 
 impl Case {
     pub fn new(scene: &Scene) -> Case {
         let packed = Packed::new(scene, glam::DVec3::ZERO);
-        let plan = Plan::new(&packed).unwrap();
+        let plan = EmissionPlan::new(&packed).unwrap();
         Case { features: Features::of(scene, &Settings::default()), plan, packed }
     }
 

@@ -8,7 +8,7 @@ use photile::packing::Packed;
 use photile::plan::cells::{self, CellSize, Form};
 use photile::program::gathering::Gathering;
 use photile::rays::camera::camera_direction;
-use photile::rays::emission::{Amount, CELLS, Emission, Plan, entry};
+use photile::rays::emission::{Amount, CELLS, Emission, EmissionPlan, entry};
 use photile::rays::scene::SceneTables;
 use photile::settings::{Pass, Settings};
 
@@ -17,7 +17,7 @@ use super::{Case, grey_box, paths};
 #[test]
 fn half_of_the_sphere_and_plane_would_be_wasted_and_the_mean_stays() {
     let with = Case::shipped("sphere_and_plane");
-    let whole = Case { plan: Plan::whole_sphere(&with.packed).unwrap(), ..Case::shipped("sphere_and_plane") };
+    let whole = Case { plan: EmissionPlan::whole_sphere(&with.packed).unwrap(), ..Case::shipped("sphere_and_plane") };
     let useful = with.plan.useful_share(&with.packed);
     // The plane takes the lower half of the directions; the sphere (12° across) lies in it but for a cell or two.
     assert!((0.5..0.52).contains(&useful), "{useful}");
@@ -51,7 +51,7 @@ fn every_direction_that_hits_lies_in_a_kept_cell() {
          [[spheres]]\ncenter = [5, 5, 5]\nradius = 0.1\nmaterial = \"grey\"\n\
          [[spheres]]\ncenter = [0, 9, 0]\nradius = 3\nmaterial = \"grey\"\n",
     );
-    let whole = Case { plan: Plan::whole_sphere(&case.packed).unwrap(), ..case_of(&case) };
+    let whole = Case { plan: EmissionPlan::whole_sphere(&case.packed).unwrap(), ..case_of(&case) };
     let map = whole.twin(&paths(100_000));
     for (photon, surface) in map.positions.iter().zip(&map.surfaces).filter(|(_, s)| s.bounce == 0.0) {
         let p = glam::DVec3::from(photon.position.map(f64::from));
@@ -78,7 +78,7 @@ fn case_of(case: &Case) -> Case {
 #[test]
 fn more_paths_where_light_goes_on_store_more_and_keep_the_mean() {
     let even = Case::shipped("sphere_and_plane");
-    let weighed = Case { plan: Plan::indirect(&even.packed).unwrap(), ..Case::shipped("sphere_and_plane") };
+    let weighed = Case { plan: EmissionPlan::indirect(&even.packed).unwrap(), ..Case::shipped("sphere_and_plane") };
     // Straight from the light everything is known exactly: each object's direct flux, by weights of every size.
     let number = 400_000;
     let power = |case: &Case, bounce: f32, seed: u32| {
@@ -114,7 +114,7 @@ fn more_paths_where_light_goes_on_store_more_and_keep_the_mean() {
 
 #[test]
 fn a_closed_scene_has_no_map() {
-    assert!(Plan::indirect(&grey_box(0.5).packed).unwrap().cells.is_empty());
+    assert!(EmissionPlan::indirect(&grey_box(0.5).packed).unwrap().cells.is_empty());
     assert!(grey_box(0.5).plan.cells.is_empty());
     assert!(Case::shipped("gi_ref").plan.cells.is_empty());
 }
@@ -185,13 +185,13 @@ fn seen_means(name: &str, case: &Case, map: &PhotonTables) -> [f64; 2] {
 #[test]
 fn pictures_keep_their_mean_whatever_the_map_of_directions() {
     let name = "sphere_and_plane";
-    let with = |plan: fn(&Packed) -> Result<Plan>| {
+    let with = |plan: fn(&Packed) -> Result<EmissionPlan>| {
         let case = Case::shipped(name);
         Case { plan: plan(&case.packed).unwrap(), ..case }
     };
     // Paths of a cell that is divided worth as much as those of a whole one, all of them together what they should be.
     let unweighed = |packed: &Packed| {
-        let mut plan = Plan::indirect(packed)?;
+        let mut plan = EmissionPlan::indirect(packed)?;
         plan.cells.iter_mut().for_each(|of_a_part| *of_a_part = entry(*of_a_part & (CELLS as u32 - 1), 1, 0));
         Ok(plan)
     };
@@ -207,10 +207,11 @@ fn pictures_keep_their_mean_whatever_the_map_of_directions() {
             (mean, squares / f64::from(SEEDS * (SEEDS - 1)))
         })
     };
-    for (store_direct, number, kept) in
-        [(true, 50_000, vec![with(Plan::new)]), (false, 200_000, vec![with(Plan::new), with(Plan::indirect)])]
-    {
-        let truth = means(&with(Plan::whole_sphere), store_direct, number);
+    for (store_direct, number, kept) in [
+        (true, 50_000, vec![with(EmissionPlan::new)]),
+        (false, 200_000, vec![with(EmissionPlan::new), with(EmissionPlan::indirect)]),
+    ] {
+        let truth = means(&with(EmissionPlan::whole_sphere), store_direct, number);
         // Objects whose mean is another by more than four standard errors.
         let others = |found: [(f64, f64); 2]| {
             (0..2).filter(|i| (found[*i].0 - truth[*i].0).abs() > 4.0 * (found[*i].1 + truth[*i].1).sqrt()).count()

@@ -8,6 +8,7 @@ use glam::{DVec3, dvec3};
 use photile::lights::PointLight;
 use photile::materials::Material;
 use photile::scene::{Scene, load, parse};
+use photile::settings::{LightMode, Method};
 use photile::shapes::{Plane, Sphere};
 use proptest::prelude::*;
 
@@ -45,7 +46,7 @@ fn one_of_everything() {
     assert_eq!(render.size, Some((640, 480)));
     assert_eq!((render.photons, render.passes), (Some(200_000), Some(4)));
     assert_eq!((render.radius, render.exposure), (Some(0.25), Some(-1.5)));
-    assert_eq!((render.gather.as_deref(), render.light.as_deref()), (Some("tiled-grid"), Some("hybrid")));
+    assert_eq!((render.gather, render.light), (Some(Method::TiledGrid), Some(LightMode::Hybrid)));
 }
 
 #[test]

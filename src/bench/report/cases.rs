@@ -1,6 +1,6 @@
 //! What the suite measures: the report's settings, and Photile's own choice beside them.
 
-use crate::settings::{Backend, Gather, Lattice, LightMode, Method, Settings};
+use crate::settings::{Backend, CellLattice, Gather, LightMode, Method, Settings};
 
 /// The report's radius, metres.
 pub const RADIUS: f32 = 1.0;
@@ -34,15 +34,15 @@ impl Cells {
 
     /// How the grid is asked for them. Where photons lie outside the box, as on a plane that never ends, they have cells
     /// like those in it: none is lost.
-    fn lattice(self) -> Lattice {
-        Lattice { corner: CORNER, cell: [self.0; 3] }
+    fn lattice(self) -> CellLattice {
+        CellLattice { corner: CORNER, cell: [self.0; 3] }
     }
 }
 
 /// How a picture is made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Way {
-    /// No photons.
+    /// Direct light only, without photons.
     Direct,
     /// All light by photons, as the report has it, found in its grid.
     Grid,
@@ -67,20 +67,20 @@ impl Way {
 /// One thing that is measured.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
-    /// Its name.
+    /// The scene's name.
     pub scene: String,
-    /// Pixels.
+    /// Width and height of the image, pixels.
     pub size: [u32; 2],
     /// Photons that the report's map stores; with [`Way::Auto`] as many paths are emitted as such a map takes,
     /// or more where its error would be the worse.
     pub photons: Option<u32>,
-    /// What is done.
+    /// How the picture is made.
     pub way: Way,
-    /// Of [`Way::Grid`].
+    /// The grid's cells, with [`Way::Grid`].
     pub grid: Option<Cells>,
-    /// Of [`Way::Tiles`], pixels.
+    /// Width and height of tiles in pixels, with [`Way::Tiles`].
     pub tile: Option<[u32; 2]>,
-    /// Where.
+    /// Which machine makes it.
     pub backend: Backend,
 }
 
@@ -161,7 +161,7 @@ mod tests {
     fn cells_have_the_reports_names() {
         let names = SWEPT_CELLS.map(Cells::name);
         assert_eq!(names, ["15x10x10", "30x20x20", "60x40x40", "120x80x80"]);
-        assert_eq!(CELLS.lattice(), Lattice { corner: [-10.0, -10.0, -20.0], cell: [0.5; 3] });
+        assert_eq!(CELLS.lattice(), CellLattice { corner: [-10.0, -10.0, -20.0], cell: [0.5; 3] });
     }
 
     #[test]

@@ -5,7 +5,7 @@ use super::Row;
 use super::cases::{Case, Way};
 use super::published::published;
 use crate::bench::plot::{Chart, Curve, Look};
-use crate::settings::Backend;
+use crate::settings::{Backend, Choice};
 
 /// How a curve is told from others: colour by backend, dashes by way.
 fn look(backend: Backend, way: Way, is_published: bool) -> Look {
@@ -30,8 +30,8 @@ type Points<'a> = Vec<(&'a Case, f64, f64)>;
 /// The curves of the rows that `x` gives a place, ours and the report's.
 fn curves(rows: &[(&Case, &Row)], x: impl Fn(&Case) -> Option<f64>) -> Vec<Curve> {
     let mut curves = Vec::new();
-    let backends = [(Backend::Cpu, "CPU"), (Backend::OpenCl, "OpenCL"), (Backend::OpenGl, "OpenGL")];
-    for ((backend, name), way) in
+    let backends = [Backend::Cpu, Backend::OpenCl, Backend::OpenGl];
+    for (backend, way) in
         backends.into_iter().flat_map(|backend| [Way::Grid, Way::Tiles, Way::Auto].map(|way| (backend, way)))
     {
         let own: Points = rows
@@ -39,9 +39,9 @@ fn curves(rows: &[(&Case, &Row)], x: impl Fn(&Case) -> Option<f64>) -> Vec<Curve
             .filter(|(case, _)| (case.backend, case.way) == (backend, way))
             .filter_map(|(case, row)| Some((*case, x(case)?, row.frame_ms)))
             .collect();
-        add(&mut curves, format!("{name}, {}", way.name()), own, look(backend, way, false));
+        add(&mut curves, format!("{}, {}", backend.row().title, way.name()), own, look(backend, way, false));
     }
-    for (backend, name) in [(Backend::Cpu, "CPU"), (Backend::OpenCl, "OpenCL")] {
+    for backend in [Backend::Cpu, Backend::OpenCl] {
         for way in [Way::Grid, Way::Tiles] {
             let mut theirs: Points = Vec::new();
             for (case, _) in rows.iter().filter(|(case, _)| case.way == way) {
@@ -51,7 +51,8 @@ fn curves(rows: &[(&Case, &Row)], x: impl Fn(&Case) -> Option<f64>) -> Vec<Curve
                     theirs.push((case, x, ms));
                 }
             }
-            add(&mut curves, format!("report's {name}, {}", way.name()), theirs, look(backend, way, true));
+            let name = format!("report's {}, {}", backend.row().title, way.name());
+            add(&mut curves, name, theirs, look(backend, way, true));
         }
     }
     curves

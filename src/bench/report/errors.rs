@@ -16,7 +16,7 @@ const MOST_PATHS: u32 = 1 << 24;
 
 /// Errors of a scene's map.
 pub struct Errors {
-    /// Its name.
+    /// The scene's name.
     pub scene: String,
     /// Photons that the report's map stores.
     pub photons: u32,

@@ -12,7 +12,7 @@ use opencl3::types::{CL_BLOCKING, cl_mem, cl_uchar};
 
 use super::{Context, failed};
 use crate::device::injected_faults;
-use crate::device::live_objects::{Counted, Kind};
+use crate::device::live_objects::{Api, Counted};
 use crate::error::Result;
 use crate::records::TEXEL;
 
@@ -49,7 +49,7 @@ pub struct Memory {
 }
 
 impl Memory {
-    /// Now.
+    /// Bytes held now.
     pub fn held(&self) -> usize {
         self.held.get()
     }
@@ -62,7 +62,7 @@ impl Memory {
     fn enter(self: &Rc<Memory>, bytes: usize) -> Entry {
         self.held.set(self.held.get() + bytes);
         self.most.set(self.most.get().max(self.held.get()));
-        Entry { memory: Rc::clone(self), bytes, _counted: Counted::new(Kind::OpenCl) }
+        Entry { memory: Rc::clone(self), bytes, _counted: Counted::new(Api::OpenCl) }
     }
 }
 

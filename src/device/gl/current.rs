@@ -11,9 +11,9 @@ use super::Functions;
 pub struct Current {
     /// Functions of this context.
     pub gl: Functions,
-    /// GL_RENDERER.
+    /// The device and driver, as GL_RENDERER names them.
     pub renderer: String,
-    /// GL_VERSION.
+    /// The version of OpenGL, as GL_VERSION says it.
     pub version: String,
     /// Rasterised by the CPU.
     pub is_software: bool,

@@ -27,9 +27,9 @@ pub struct Headless {
     context: egl::Context,
     /// Functions of this context.
     pub gl: Functions,
-    /// GL_RENDERER.
+    /// The device and driver, as GL_RENDERER names them.
     pub renderer: String,
-    /// GL_VERSION.
+    /// The version of OpenGL, as GL_VERSION says it.
     pub version: String,
     /// `EGL device 0` or `EGL surfaceless`.
     pub route: String,

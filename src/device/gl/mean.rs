@@ -4,7 +4,7 @@ use glow::HasContext;
 
 use super::target::smooth;
 use super::{Functions, Program, Target, Texture};
-use crate::device::live_objects::{Counted, Kind};
+use crate::device::live_objects::{Api, Counted};
 use crate::error::{Error, Result};
 use crate::film::Image;
 use crate::program::source::{Options, assemble};
@@ -52,7 +52,7 @@ impl Mean {
         let (patch, bridge) = (variant("SCALED")?, variant("BRIDGED")?);
         // SAFETY: the context is current; the texture is owned by the result.
         let upload = unsafe { gl.create_texture() }.map_err(|e| Error::Device(format!("OpenGL: texture: {e}")))?;
-        let _counted = Counted::new(Kind::OpenGl);
+        let _counted = Counted::new(Api::OpenGl);
         Ok(Mean {
             gl: gl.clone(),
             program,
@@ -240,7 +240,7 @@ impl Drop for Mean {
 }
 
 impl Picture {
-    /// Nothing yet.
+    /// No picture yet: its texture is made by the first one.
     pub fn empty() -> Picture {
         Picture { target: None }
     }

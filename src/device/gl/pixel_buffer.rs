@@ -60,7 +60,7 @@ impl PixelBuffer {
         unsafe { self.gl.bind_buffer(glow::PIXEL_UNPACK_BUFFER, None) }
     }
 
-    /// Bytes of it.
+    /// How many bytes it holds.
     pub fn bytes(&self) -> usize {
         self.bytes
     }

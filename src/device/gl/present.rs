@@ -3,7 +3,7 @@
 use glow::HasContext;
 
 use super::{Functions, Program, Texture};
-use crate::device::live_objects::{Counted, Kind};
+use crate::device::live_objects::{Api, Counted};
 use crate::error::{Error, Result};
 use crate::program::source::{Options, assemble};
 
@@ -38,7 +38,7 @@ impl ToneMap {
 pub struct Shown {
     /// The picture, or the left one of two.
     pub left: Texture,
-    /// The right one.
+    /// The right picture of a split view.
     pub right: Option<Texture>,
     /// The difference of both in false colours.
     pub heat: bool,
@@ -69,7 +69,7 @@ impl Present {
         let program = Program::new(gl, &assemble("present.frag", None, &Options::default()))?;
         // SAFETY: the context is current; the array is owned by the result.
         let triangle = unsafe { gl.create_vertex_array() }.map_err(|e| Error::Device(format!("OpenGL: {e}")))?;
-        Ok(Present { gl: gl.clone(), program, triangle, _counted: Counted::new(Kind::OpenGl) })
+        Ok(Present { gl: gl.clone(), program, triangle, _counted: Counted::new(Api::OpenGl) })
     }
 
     /// Fills the window with a dark grey, before a picture covers its part.

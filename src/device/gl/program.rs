@@ -5,7 +5,7 @@ use std::cell::Cell;
 use glow::HasContext;
 
 use super::{Functions, Texture};
-use crate::device::live_objects::{Counted, Kind};
+use crate::device::live_objects::{Api, Counted};
 use crate::error::{Error, Result};
 use crate::program::source::{Options, Source, assemble};
 use crate::records::Record;
@@ -53,7 +53,7 @@ impl Program {
                 handle,
                 unit: fragment.unit.clone(),
                 uniforms: Vec::new(),
-                _counted: Counted::new(Kind::OpenGl),
+                _counted: Counted::new(Api::OpenGl),
             };
             for (kind, source) in [(glow::VERTEX_SHADER, &vertex), (glow::FRAGMENT_SHADER, fragment)] {
                 let shader = gl.create_shader(kind).map_err(out_of_memory)?;

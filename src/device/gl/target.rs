@@ -4,7 +4,7 @@ use glow::HasContext;
 
 use super::{Functions, Program, checked, lost};
 use crate::device::injected_faults;
-use crate::device::live_objects::{Counted, Kind};
+use crate::device::live_objects::{Api, Counted};
 use crate::device::submissions::{Pace, stride};
 use crate::error::{Error, Result};
 
@@ -74,7 +74,7 @@ impl Target {
                 width,
                 height,
                 integers,
-                _counted: Counted::new(Kind::OpenGl),
+                _counted: Counted::new(Api::OpenGl),
                 pace: Pace::new("draw"),
             };
             gl.bind_framebuffer(glow::FRAMEBUFFER, Some(target.framebuffer));

@@ -7,7 +7,7 @@ use bytemuck::Pod;
 use glow::{HasContext, PixelUnpackData};
 
 use super::{Functions, PixelBuffer, Program, checked};
-use crate::device::live_objects::{Counted, Kind};
+use crate::device::live_objects::{Api, Counted};
 use crate::error::{Error, Result};
 use crate::records::{Record, TEXEL, TextureShape};
 
@@ -56,7 +56,7 @@ impl TableTexture {
                 shape: None,
                 width_log2,
                 uploads: 0,
-                _counted: Counted::new(Kind::OpenGl),
+                _counted: Counted::new(Api::OpenGl),
             })
         }
     }

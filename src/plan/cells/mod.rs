@@ -1,14 +1,19 @@
 //! Lays out the photon grid: from the box of each face's photons and a radius to the faces' records, and the choice
 //! between its two forms. The device and its twin both start from this plan; `cell.glsl` says what cells are.
 
+mod boxes;
+mod hashing;
 pub mod photon_density;
+
+pub use boxes::Bounds;
+pub(crate) use boxes::flipped;
+use boxes::{fill_boxes, sides, within_a_disc};
+use hashing::{Table, hash, hash_reach};
 
 use crate::device::memory::table_entries;
 use crate::error::{Error, Result};
-use crate::program::gathering::GATHER_SPREAD;
-use crate::records::face::{faces_of, shape_of_sheet, sheet_of};
+use crate::records::face::faces_of;
 use crate::records::{Face, Gather, MAX_EXACT_INDEX, Shape};
-use crate::shapes::sheet_of as sheet_of_record;
 
 /// Cells per radius, along each axis, where a work-item's lanes gather together. Measured on a closed room at 200k
 /// photons: candidates per accepted photon are 1.22 at R/6, 1.34 at R/4, 1.70 at R/2, 2.55 at R, 4.6 at 2R for one
@@ -18,17 +23,6 @@ pub const CELLS_PER_RADIUS: f32 = 2.0;
 
 /// The same where every query walks alone, as fragments do: there a candidate costs two fetches.
 pub const CELLS_PER_RADIUS_ALONE: f32 = 3.0;
-
-/// Most cells of a hashed row that photons within a query's reach may lie in. Rows of the same v, w on different faces
-/// begin at least so many buckets apart: a query's buckets then hold no photon near by of another face. Faces whose u and
-/// v are exchanged have a table of their own.
-fn hash_reach(radius: f32, cell: [f32; 3]) -> usize {
-    // Either axis may run along rows.
-    let cells = (GATHER_SPREAD + 2.01) * radius / cell[0].min(cell[1]);
-    // What `gather.glsl` adds for rounded coordinates comes to 8 cells on each side before cells have no end any more; two
-    // more are cut by the ends, and two lie beside them.
-    cells.ceil() as usize + 16 + 4
-}
 
 /// Cells per radius along rows, and across them, in the order in which they are tried until a dense table holds them.
 /// Along a row finer cells spare candidates and take no time: a query reads one run of them whatever their number.
@@ -45,33 +39,6 @@ const ALONE: [(f32, f32); 6] = [
 /// The same where fewer than [`FEW`] photons lie within a query's disc: a row costs as much as some ten candidates.
 const SPARSE: [(f32, f32); 4] = [(8.0, 2.0), (4.0, 2.0), (2.0, 2.0), (1.0, 1.0)];
 const FEW: f32 = 75.0;
-
-/// The box of a face's photons, scene space, metres. Empty when low > high.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bounds {
-    /// Lowest x, y, z.
-    pub low: [f32; 3],
-    /// Highest x, y, z.
-    pub high: [f32; 3],
-}
-
-impl Bounds {
-    /// No photon yet.
-    pub const EMPTY: Bounds = Bounds { low: [f32::INFINITY; 3], high: [f32::NEG_INFINITY; 3] };
-
-    /// Whether there is no photon.
-    pub fn is_empty(&self) -> bool {
-        self.low[0] > self.high[0]
-    }
-
-    /// Widens the box.
-    pub fn add(&mut self, p: [f32; 3]) {
-        for ((low, high), p) in self.low.iter_mut().zip(&mut self.high).zip(p) {
-            *low = low.min(p);
-            *high = high.max(p);
-        }
-    }
-}
 
 /// How large cells are.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
@@ -119,36 +86,15 @@ pub enum Form {
 
 /// A laid-out grid.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Plan {
-    /// Which form.
+pub struct GridPlan {
+    /// Whether cells are hashed into buckets, rather than filling boxes.
     pub hashed: bool,
     /// Cells of the table, or buckets of both.
     pub cells: usize,
-    /// Two an object.
+    /// Two a sheet.
     pub faces: Vec<Face>,
     /// Radius, cell size, bucket mask.
     pub gather: Gather,
-}
-
-/// Whether u and v are exchanged on an object's faces: planes across x have one or two cells along x only, and rows
-/// should be long.
-pub(crate) fn flipped(shape: &Shape) -> bool {
-    sheet_of_record(shape).is_across_x()
-}
-
-/// Number of a distance's cell, rounded as `cell_along` rounds.
-fn cell_along(distance: f32, inverse_cell: f32) -> f32 {
-    (distance * inverse_cell).floor()
-}
-
-/// Photons within a query's disc, if all lay evenly on the faces' boxes.
-fn within_a_disc(bounds: &[Bounds], photons: usize, radius: f32) -> f32 {
-    let area = |b: &Bounds| {
-        let [x, y, z] = [0, 1, 2].map(|axis| b.high[axis] - b.low[axis]);
-        (x * y).max(y * z).max(z * x)
-    };
-    let area: f32 = bounds.iter().filter(|b| !b.is_empty()).map(area).sum();
-    photons as f32 * std::f32::consts::PI * radius * radius / area
 }
 
 /// Photons of a disc where they lie closest below which hashed cells are R wide: most rows are empty then, and each costs its
@@ -169,7 +115,7 @@ pub fn plan_by_crowd(
     radius: f32,
     (size, form): (CellSize, Form),
     crowd: impl FnOnce() -> Result<f32>,
-) -> Result<Plan> {
+) -> Result<GridPlan> {
     let usual = plan(shapes, glossy, bounds, photons, radius, size, form)?;
     if !usual.hashed || (size, form) != (CellSize::Fragments, Form::Auto) || crowd()? >= FEW_HASHED {
         return Ok(usual);
@@ -177,7 +123,7 @@ pub fn plan_by_crowd(
     plan(shapes, glossy, bounds, photons, radius, CellSize::PerRadius(1.0), Form::Hashed(None))
 }
 
-/// Lays out the grid for photons whose faces have these boxes (two a object, in the order of faces).
+/// Lays out the grid for photons whose faces have these boxes (two a sheet, in the order of faces).
 ///
 /// # Errors
 /// [`Error::Usage`] when a dense grid was asked for that no table can hold, or there are more photons than a float
@@ -193,14 +139,8 @@ pub fn plan(
     radius: f32,
     size: CellSize,
     form: Form,
-) -> Result<Plan> {
-    let rows: &[(f32, f32)] = match (size, form) {
-        (CellSize::Auto, Form::Auto) => &TOGETHER,
-        (CellSize::Alone | CellSize::Fragments, Form::Auto) if within_a_disc(bounds, photons, radius) < FEW => &SPARSE,
-        (CellSize::Alone | CellSize::Fragments, Form::Auto) => &ALONE,
-        _ => &[],
-    };
-    for (along, across) in rows {
+) -> Result<GridPlan> {
+    for (along, across) in dense_rows(bounds, photons, radius, size, form) {
         let dense = plan(shapes, glossy, bounds, photons, radius, CellSize::Rows(*along, *across), form)?;
         if !dense.hashed {
             return Ok(dense);
@@ -212,105 +152,50 @@ pub fn plan(
             "{photons} photons: indices travel as float values, which are exact below {MAX_EXACT_INDEX} only"
         )));
     }
-    let mut all = Bounds::EMPTY;
-    for face in bounds.iter().filter(|b| !b.is_empty()) {
-        all.add(face.low);
-        all.add(face.high);
-    }
-    let cell = match size {
-        // Dense cells are laid out above.
-        CellSize::Auto | CellSize::Alone | CellSize::Fragments => [radius / CELLS_PER_RADIUS; 3],
-        CellSize::PerRadius(cells) => [radius / cells; 3],
-        CellSize::Rows(along, across) => [radius / along, radius / across, radius / across],
-        CellSize::Metres(cell) | CellSize::Lattice { cell, .. } => cell,
-        // A box without depth is one cell deep whatever its size.
-        CellSize::Counts(counts) => [0, 1, 2].map(|i| {
-            let extent = (all.high[i] - all.low[i]).max(0.0);
-            if extent > 0.0 { extent / counts[i].max(1) as f32 } else { radius }
-        }),
+    let sides = sides(size, bounds, radius);
+    let (mut faces, dense_cells) = fill_boxes(shapes, bounds, size, &sides);
+    let affordable = table_entries(glossy, photons);
+    let hashed = is_hashed(form, dense_cells, affordable as f64)?;
+    let Table { cells, mask } = match hashed {
+        true => hash(&mut faces, form, affordable, hash_reach(radius, sides.cell))?,
+        false => Table { cells: dense_cells as usize, mask: 0 },
     };
-    let by_rows = matches!(size, CellSize::Rows(..));
-    let inverse_cell = cell.map(|c| 1.0 / c);
-
-    let mut faces = vec![Face::default(); bounds.len()];
-    let mut base = 0.0f64;
-    for (face, (record, bounds)) in faces.iter_mut().zip(bounds).enumerate() {
-        let flip = flipped(&shapes[shape_of_sheet(sheet_of(face))]);
-        record.flipped = f32::from(u8::from(flip));
-        if bounds.is_empty() {
-            continue;
-        }
-        let axes = if flip { [1, 0, 2] } else { [0, 1, 2] };
-        let origin = match size {
-            CellSize::Lattice { corner, .. } => [0, 1, 2].map(|axis| {
-                let border =
-                    corner[axis] + cell_along(bounds.low[axis] - corner[axis], inverse_cell[axis]) * cell[axis];
-                border.min(bounds.low[axis]) // rounding must not leave a photon before the first cell
-            }),
-            _ => bounds.low,
-        };
-        record.origin = axes.map(|axis| origin[axis]);
-        for (k, axis) in axes.into_iter().enumerate() {
-            let inverse_cell = inverse_cell[if by_rows { k } else { axis }];
-            record.counts[k] = cell_along(bounds.high[axis] - origin[axis], inverse_cell) + 1.0;
-        }
-        record.base = base as f32;
-        base += record.counts.iter().map(|c| f64::from(*c)).product::<f64>();
-    }
-    let affordable = table_entries(glossy, photons) as f64;
-    let countable = (MAX_EXACT_INDEX - 1) as f64;
-    let hashed = match form {
-        Form::Auto => base > affordable.min(countable),
-        Form::Dense if base > countable => {
-            return Err(Error::Usage(format!(
-                "a dense grid of {base:.3e} cells: indices travel as float values, exact below {MAX_EXACT_INDEX} only; \
-                 larger cells or the hashed form would do"
-            )));
-        }
-        Form::Dense => false,
-        Form::Hashed(_) => true,
-    };
-    let (mut cells, mut table) = (base as usize, 1);
-    if hashed {
-        cells = match form {
-            Form::Hashed(Some(buckets)) => {
-                assert!(buckets.is_power_of_two(), "{buckets} buckets are no power of two");
-                buckets as usize
-            }
-            // The largest power of two that is.
-            _ => ((affordable as usize + 1).next_power_of_two() / 2).clamp(64, 1 << 23),
-        };
-        let reach = hash_reach(radius, cell);
-        let is_flipped = |face: &Face| face.flipped != 0.0;
-        let tables = if faces.iter().any(is_flipped) && !faces.iter().all(is_flipped) { 2 } else { 1 };
-        cells = cells.max((tables * faces.len() * reach).next_power_of_two());
-        if cells as u64 >= MAX_EXACT_INDEX {
-            return Err(Error::Usage(format!(
-                "{} objects: the hashed grid takes at most {} with cells of this size",
-                shapes.len(),
-                MAX_EXACT_INDEX as usize / 2 / (2 * tables * reach)
-            )));
-        }
-        table = cells / tables;
-        let apart = table / faces.len().max(1);
-        for (number, face) in faces.iter_mut().enumerate() {
-            let first = if tables == 2 && is_flipped(face) { table } else { 0 };
-            let base = (number * apart) as f32;
-            *face = Face { flipped: face.flipped, base, table: first as f32, ..Face::default() };
-        }
-    }
     let gather = Gather {
         slices: 1.0,
         radius,
         inverse_radius: 1.0 / radius,
         photon_count: photons as f32,
-        cell,
-        inverse_cell,
-        by_rows: f32::from(u8::from(by_rows)),
-        bucket_mask: (table - 1) as f32,
+        cell: sides.cell,
+        inverse_cell: sides.inverse,
+        by_rows: f32::from(u8::from(sides.by_rows)),
+        bucket_mask: mask as f32,
         ..Gather::default()
     };
-    Ok(Plan { hashed, cells, faces, gather })
+    Ok(GridPlan { hashed, cells, faces, gather })
+}
+
+/// Sizes of cells, along rows and across them, that are tried until a dense table holds them; none where the user says one.
+fn dense_rows(bounds: &[Bounds], photons: usize, radius: f32, size: CellSize, form: Form) -> &'static [(f32, f32)] {
+    match (size, form) {
+        (CellSize::Auto, Form::Auto) => &TOGETHER,
+        (CellSize::Alone | CellSize::Fragments, Form::Auto) if within_a_disc(bounds, photons, radius) < FEW => &SPARSE,
+        (CellSize::Alone | CellSize::Fragments, Form::Auto) => &ALONE,
+        _ => &[],
+    }
+}
+
+/// The form that so many dense cells get, where a table of `affordable` ones takes no more memory than the photons.
+fn is_hashed(form: Form, dense_cells: f64, affordable: f64) -> Result<bool> {
+    let countable = (MAX_EXACT_INDEX - 1) as f64;
+    match form {
+        Form::Auto => Ok(dense_cells > affordable.min(countable)),
+        Form::Dense if dense_cells > countable => Err(Error::Usage(format!(
+            "a dense grid of {dense_cells:.3e} cells: indices travel as float values, exact below {MAX_EXACT_INDEX} only; \
+             larger cells or the hashed form would do"
+        ))),
+        Form::Dense => Ok(false),
+        Form::Hashed(_) => Ok(true),
+    }
 }
 
 #[cfg(test)]

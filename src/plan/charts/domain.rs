@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::window;
+use super::neighbourhood;
 use crate::packing::Packed;
 use crate::shapes::{Shape, Shapes, Sheet};
 
@@ -27,7 +27,7 @@ pub struct Domain {
     /// Places of the lights.
     pub lights: Vec<DVec3>,
     pub half_spaces: Vec<HalfSpace>,
-    /// See [`window::WIDEST`].
+    /// See [`neighbourhood::WIDEST`].
     pub widest: u32,
 }
 
@@ -54,7 +54,7 @@ impl Domain {
             bounds: shapes.iter().filter_map(Shape::bounds).collect(),
             lights,
             half_spaces,
-            widest: window::WIDEST,
+            widest: neighbourhood::WIDEST,
         }
     }
 

@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 
 use super::domain::{Domain, reached};
-use super::window::{self, Window};
+use super::neighbourhood::{self, Neighbourhood};
 use super::{PlacedChart, PlacedTexel};
 use crate::records::Chart;
 
@@ -115,9 +115,10 @@ pub fn texels(domain: &Domain, shape: usize, axes: &Axes, chart: &Chart) -> Vec<
             let area = across * down;
             let area = if area.is_finite() { area * reached(domain, shape, point) } else { 0.0 };
             let (place, size) = ((column, row), (columns, rows));
-            let half_width = window::half_width(&domain.sheets, shape, point(0.5, 0.5), across.max(down), place, size);
-            let window = Window { half_width: half_width.min(domain.widest), stride: columns };
-            texels.push(PlacedTexel { area, window });
+            let half_width =
+                neighbourhood::half_width(&domain.sheets, shape, point(0.5, 0.5), across.max(down), place, size);
+            let neighbourhood = Neighbourhood { half_width: half_width.min(domain.widest), stride: columns };
+            texels.push(PlacedTexel { area, neighbourhood });
         }
     }
     texels

@@ -6,12 +6,12 @@
 
 mod domain;
 mod flat;
+mod neighbourhood;
 mod round;
-mod window;
 
 use glam::DVec2;
 
-pub use window::Window;
+pub use neighbourhood::Neighbourhood;
 
 use crate::packing::Packed;
 use crate::records::Chart;
@@ -28,19 +28,19 @@ pub struct Charts {
     /// By object.
     pub records: Vec<Chart>,
     /// By texel: which texels' photons it counts.
-    pub windows: Vec<Window>,
-    /// By texel: 1 / (area that light can reach in its window), 1/m²; 0 where it reaches nothing of the texel itself.
+    pub neighbourhoods: Vec<Neighbourhood>,
+    /// By texel: 1 / (area that light can reach in its neighbourhood), 1/m²; 0 where it reaches nothing of the texel itself.
     pub inverse_areas: Vec<f32>,
 }
 
 impl Charts {
     /// The charts of a packed scene, with about `budget` texels on one side each of all objects.
     pub fn new(packed: &Packed, budget: u32) -> Charts {
-        Charts::with_windows(packed, budget, window::WIDEST)
+        Charts::with_neighbourhoods(packed, budget, neighbourhood::WIDEST)
     }
 
-    /// The same with windows of at most `widest` texels on each side.
-    fn with_windows(packed: &Packed, budget: u32, widest: u32) -> Charts {
+    /// The same with neighbourhoods of at most `widest` texels on each side.
+    fn with_neighbourhoods(packed: &Packed, budget: u32, widest: u32) -> Charts {
         let domain = Domain { widest, ..Domain::new(packed) };
         let mut charts = Vec::new();
         for (shape, sheet) in domain.sheets.iter().enumerate() {
@@ -61,7 +61,7 @@ impl Charts {
             (wanted.clamp(f64::from(COLUMNS.0), f64::from(COLUMNS.1)) as u32).next_multiple_of(2)
         };
         let mut first = 0;
-        let (mut windows, mut inverse_areas) = (Vec::new(), Vec::new());
+        let (mut neighbourhoods, mut inverse_areas) = (Vec::new(), Vec::new());
         for (shape, placed) in charts.iter_mut().enumerate() {
             let (across, down) = (columns(placed.size.x), columns(placed.size.y));
             let chart = &mut placed.chart;
@@ -73,16 +73,16 @@ impl Charts {
                 (Sheet::Flat { .. }, None) => unreachable!("flat charts have axes"),
             };
             let inverse = |(texel, own): (usize, &PlacedTexel)| {
-                let area: f64 = own.window.texels(texel).map(|i| texels[i].area).sum();
+                let area: f64 = own.neighbourhood.texels(texel).map(|i| texels[i].area).sum();
                 if own.area > 0.0 && area.is_finite() { (1.0 / area) as f32 } else { 0.0 }
             };
             for front in [true, false] {
-                windows.extend(texels.iter().map(|texel| texel.window));
+                neighbourhoods.extend(texels.iter().map(|texel| texel.neighbourhood));
                 let lit = domain.is_lit(shape, front);
                 inverse_areas.extend(texels.iter().enumerate().map(|texel| if lit { inverse(texel) } else { 0.0 }));
             }
         }
-        Charts { records: charts.into_iter().map(|c| c.chart).collect(), windows, inverse_areas }
+        Charts { records: charts.into_iter().map(|c| c.chart).collect(), neighbourhoods, inverse_areas }
     }
 
     /// Texels of all charts.
@@ -104,7 +104,7 @@ struct PlacedChart {
 struct PlacedTexel {
     /// That light reaches, m².
     area: f64,
-    window: Window,
+    neighbourhood: Neighbourhood,
 }
 
 #[cfg(test)]
@@ -128,7 +128,7 @@ mod tests {
 
     /// Area of the lit side of an object, m², where every texel counts for itself.
     fn area(packed: &Packed, shape: usize) -> f64 {
-        let charts = Charts::with_windows(packed, 24_576, 0);
+        let charts = Charts::with_neighbourhoods(packed, 24_576, 0);
         let chart = &charts.records[shape];
         let count = (chart.columns * chart.rows) as usize;
         let side = |side: usize| {
@@ -181,29 +181,29 @@ mod tests {
     fn windows_stay_in_their_charts_are_wide_in_the_open_and_narrow_at_contacts() {
         for name in ["gi_ref", "color_bleeding", "sphere_and_plane"] {
             let (packed, charts) = charts(name);
-            let mut widths = [0; 1 + window::WIDEST as usize];
+            let mut widths = [0; 1 + neighbourhood::WIDEST as usize];
             for chart in &charts.records {
                 let (columns, rows) = (chart.columns as usize, chart.rows as usize);
                 for side in 0..2 {
                     let first = chart.first as usize + side * columns * rows;
                     for i in 0..columns * rows {
-                        let window = charts.windows[first + i];
-                        let around: Vec<usize> = window.texels(first + i).collect();
-                        let width = 2 * window.half_width as usize + 1;
+                        let neighbourhood = charts.neighbourhoods[first + i];
+                        let around: Vec<usize> = neighbourhood.texels(first + i).collect();
+                        let width = 2 * neighbourhood.half_width as usize + 1;
                         assert_eq!(around.len(), width * width);
                         assert!(around.iter().all(|t| (first..first + columns * rows).contains(t)));
-                        // The rows of a window do not wrap around the chart's border.
+                        // The rows of a neighbourhood do not wrap around the chart's border.
                         let (low, high) = (around[0] - first, around[width - 1] - first);
                         assert_eq!(low / columns, high / columns, "{name}: texel {i} of {columns} columns");
                         assert_eq!(around[around.len() / 2], first + i);
-                        widths[window.half_width as usize] += 1;
+                        widths[neighbourhood.half_width as usize] += 1;
                     }
                 }
             }
             // Contacts and the open, and most texels share.
-            assert!(widths[0] > 0 && widths[window::WIDEST as usize] > 0, "{name}: {widths:?}");
+            assert!(widths[0] > 0 && widths[neighbourhood::WIDEST as usize] > 0, "{name}: {widths:?}");
             assert!(widths[1..].iter().sum::<i32>() > widths[0], "{name}: {widths:?}");
-            assert_eq!(charts.windows.len(), charts.inverse_areas.len());
+            assert_eq!(charts.neighbourhoods.len(), charts.inverse_areas.len());
             assert!(packed.shapes.len() == charts.records.len());
         }
     }

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::PlacedTexel;
 use super::domain::{Domain, reached};
-use super::window::{self, Window};
+use super::neighbourhood::{self, Neighbourhood};
 
 /// A sphere's texels.
 pub fn texels(domain: &Domain, shape: usize, (center, radius): (DVec3, f64), columns: u32) -> Vec<PlacedTexel> {
@@ -26,9 +26,9 @@ pub fn texels(domain: &Domain, shape: usize, (center, radius): (DVec3, f64), col
             let point = |x: f64, y: f64| center + direction(x, y) * radius;
             let whole = solid_angle * radius * radius;
             let (place, size, length) = ((column, row), (columns, columns), whole.sqrt());
-            let half_width = window::half_width(&domain.sheets, shape, point(0.5, 0.5), length, place, size);
-            let window = Window { half_width: half_width.min(domain.widest), stride: columns };
-            texels.push(PlacedTexel { area: whole * reached(domain, shape, point), window });
+            let half_width = neighbourhood::half_width(&domain.sheets, shape, point(0.5, 0.5), length, place, size);
+            let neighbourhood = Neighbourhood { half_width: half_width.min(domain.widest), stride: columns };
+            texels.push(PlacedTexel { area: whole * reached(domain, shape, point), neighbourhood });
         }
     }
     texels

@@ -14,7 +14,7 @@ pub const TILE: [u32; 2] = [32, 32];
 
 /// How tiles are wanted.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Wanted {
+pub struct TileSettings {
     /// R, metres.
     pub radius: f32,
     /// Width and height, pixels; the last column and row of tiles may reach over the image. Larger ones than the image
@@ -37,7 +37,7 @@ pub struct Seen {
 
 /// Laid-out tiles.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Plan {
+pub struct TilePlan {
     /// Tiles across and down.
     pub size: [u32; 2],
     /// Radius and the tiles' size.
@@ -66,7 +66,13 @@ pub fn tiles_of(frame: &Frame, tile: [u32; 2]) -> [u32; 2] {
 ///
 /// # Errors
 /// [`Error::Usage`] when there are more photons, tiles or regions than a float can count.
-pub fn plan(shapes: &[Shape], frame: &Frame, mut seen: Vec<Seen>, photons: usize, wanted: &Wanted) -> Result<Plan> {
+pub fn plan(
+    shapes: &[Shape],
+    frame: &Frame,
+    mut seen: Vec<Seen>,
+    photons: usize,
+    wanted: &TileSettings,
+) -> Result<TilePlan> {
     let size = tiles_of(frame, wanted.tile);
     let tile = within(frame, wanted.tile);
     let tile_count = size[0] as usize * size[1] as usize;
@@ -136,7 +142,7 @@ pub fn plan(shapes: &[Shape], frame: &Frame, mut seen: Vec<Seen>, photons: usize
         ..Gather::default()
     };
     let lines = Lines::of(&tiles, &regions, size, 2 * shapes.len());
-    Ok(Plan { size, gather, tiles, regions, cells, lines })
+    Ok(TilePlan { size, gather, tiles, regions, cells, lines })
 }
 
 /// Cells of one region at most.
@@ -162,7 +168,7 @@ fn cells_of(extent: [f32; 3], flat: [bool; 3], radius: f32, affordable: usize) -
 ///
 /// # Errors
 /// [`Error::Usage`] that says what would help.
-pub fn check_pairs(pairs: u64, plan: &Plan) -> Result<()> {
+pub fn check_pairs(pairs: u64, plan: &TilePlan) -> Result<()> {
     if pairs < MAX_EXACT_INDEX {
         return Ok(());
     }
@@ -200,7 +206,7 @@ mod tests {
             seen(2, 0, [-1.0, 0.0, 0.0], [0.5, 0.0, 3.0]),
         ];
         for cells in [false, true] {
-            let wanted = Wanted { radius: 0.5, tile: [32, 32], cells };
+            let wanted = TileSettings { radius: 0.5, tile: [32, 32], cells };
             let plan = plan(&shapes(), &frame, parts.clone(), 1000, &wanted).unwrap();
             assert_eq!(plan.size, [3, 2]);
             let tile = |i: usize| (plan.tiles[i].first, plan.tiles[i].count);
@@ -220,7 +226,7 @@ mod tests {
     fn cells_are_bounded_whatever_the_extent() {
         let frame = Frame { width: 64.0, height: 64.0, ..Frame::default() };
         for far in [1e1, 1e4, 1e8, 1e14] {
-            let wanted = Wanted { radius: 0.1, tile: [32, 32], cells: true };
+            let wanted = TileSettings { radius: 0.1, tile: [32, 32], cells: true };
             let parts = (0..4).map(|tile| seen(tile, 0, [-far, 0.0, -far], [far, 0.0, far])).collect();
             let plan = plan(&shapes(), &frame, parts, 100_000, &wanted).unwrap();
             assert!(plan.cells <= 4 * MAX_CELLS, "{far}: {}", plan.cells);
@@ -233,7 +239,7 @@ mod tests {
     fn a_tile_larger_than_the_image_is_laid_out_as_the_image() {
         let frame = Frame { width: 48.0, height: 36.0, ..Frame::default() };
         let of = |tile| {
-            let wanted = Wanted { radius: 0.5, tile, cells: true };
+            let wanted = TileSettings { radius: 0.5, tile, cells: true };
             plan(&shapes(), &frame, vec![seen(0, 0, [0.0; 3], [1.0, 0.0, 1.0])], 1000, &wanted).unwrap()
         };
         let image = of([48, 36]);
@@ -247,8 +253,8 @@ mod tests {
 
     #[test]
     fn what_floats_cannot_count_is_refused() {
-        assert!(check_pairs(MAX_EXACT_INDEX - 1, &Plan::default()).is_ok());
-        let refused = check_pairs(MAX_EXACT_INDEX, &Plan::default());
+        assert!(check_pairs(MAX_EXACT_INDEX - 1, &TilePlan::default()).is_ok());
+        let refused = check_pairs(MAX_EXACT_INDEX, &TilePlan::default());
         assert!(matches!(refused, Err(Error::Usage(text)) if text.contains("larger tiles")));
     }
 }

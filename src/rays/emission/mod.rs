@@ -9,7 +9,7 @@ use crate::packing::Packed;
 use crate::records::{Emitter, Light};
 pub use crate::settings::{Amount, Sampler};
 use crate::settings::{LightMode, Pass, Settings};
-use crate::shapes::{Cap, Shape, Shapes};
+use crate::shapes::{Cap, Shapes, sheet_of};
 
 mod caps;
 
@@ -62,7 +62,7 @@ pub fn entry(cell: u32, parts: u32, part: u32) -> u32 {
 /// The lights' shares of the paths. A round of `1 << slots_log2` paths serves each light in proportion to the flux
 /// that can hit something, in an order in which any part of a round is as well shared as it can be.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Plan {
+pub struct EmissionPlan {
     /// Paths of a round, as a power of two.
     pub slots_log2: u32,
     /// By slot: light `<< slots_log2` | rank of the slot among the light's own.
@@ -77,31 +77,31 @@ pub struct Plan {
     lights: Vec<([f32; 3], DVec3)>,
 }
 
-impl Plan {
+impl EmissionPlan {
     /// For a packed scene.
     ///
     /// # Errors
     /// [`Error::Usage`] for more lights than slots can name.
-    pub fn new(packed: &Packed) -> Result<Plan> {
+    pub fn new(packed: &Packed) -> Result<EmissionPlan> {
         let shapes = Shapes::unpacked(&packed.shapes);
-        Plan::with_cells(packed, |light| caps(&shapes, light))
+        EmissionPlan::with_cells(packed, |light| caps(&shapes, light))
     }
 
     /// The plan that suits what is stored.
     ///
     /// # Errors
-    /// As [`Plan::new`].
-    pub fn of(packed: &Packed, store_direct: bool) -> Result<Plan> {
-        if store_direct { Plan::new(packed) } else { Plan::indirect(packed) }
+    /// As [`EmissionPlan::new`].
+    pub fn of(packed: &Packed, store_direct: bool) -> Result<EmissionPlan> {
+        if store_direct { EmissionPlan::new(packed) } else { EmissionPlan::indirect(packed) }
     }
 
     /// The same where photons straight from the light are not stored: directions get more paths where their light
     /// goes on to another surface. In a room, where it does so everywhere, that changes nothing.
     ///
     /// # Errors
-    /// As [`Plan::new`].
-    pub fn indirect(packed: &Packed) -> Result<Plan> {
-        let mut plan = Plan::new(packed)?;
+    /// As [`EmissionPlan::new`].
+    pub fn indirect(packed: &Packed) -> Result<EmissionPlan> {
+        let mut plan = EmissionPlan::new(packed)?;
         if !plan.cells.is_empty() {
             plan.weigh(packed);
         }
@@ -112,7 +112,6 @@ impl Plan {
     fn weigh(&mut self, packed: &Packed) {
         let kept = std::mem::take(&mut self.cells);
         let shapes = Shapes::unpacked(&packed.shapes);
-        let shapes: Vec<&dyn Shape> = shapes.iter().collect();
         for (light, counts) in self.counts.iter_mut().enumerate() {
             let own = &kept[counts[1] as usize..(counts[1] + counts[2]) as usize];
             let cells = own.iter().map(|entry| entry & (CELLS as u32 - 1));
@@ -135,12 +134,12 @@ impl Plan {
     /// For a packed scene, without the map: paths leave in all directions.
     ///
     /// # Errors
-    /// As [`Plan::new`].
-    pub fn whole_sphere(packed: &Packed) -> Result<Plan> {
-        Plan::with_cells(packed, |_| None)
+    /// As [`EmissionPlan::new`].
+    pub fn whole_sphere(packed: &Packed) -> Result<EmissionPlan> {
+        EmissionPlan::with_cells(packed, |_| None)
     }
 
-    fn with_cells(packed: &Packed, caps: impl Fn(DVec3) -> Option<Vec<Cap>>) -> Result<Plan> {
+    fn with_cells(packed: &Packed, caps: impl Fn(DVec3) -> Option<Vec<Cap>>) -> Result<EmissionPlan> {
         let lights = packed.lights.len();
         // Four slots a light at least, so that a share is off by an eighth at most; the power of a path makes up for it.
         let slots_log2 = (4 * lights).next_power_of_two().trailing_zeros().max(12);
@@ -148,7 +147,7 @@ impl Plan {
             return Err(Error::Usage(format!("{lights} lights: at most 32768 can emit photons")));
         }
         let mut plan =
-            Plan { slots_log2, slots: Vec::new(), counts: Vec::new(), cells: Vec::new(), lights: Vec::new() };
+            EmissionPlan { slots_log2, slots: Vec::new(), counts: Vec::new(), cells: Vec::new(), lights: Vec::new() };
         // Directions first: flux that can hit nothing gets no paths.
         for light in &packed.lights {
             let first = plan.cells.len();
@@ -282,22 +281,22 @@ const PARTS: f64 = 4.0;
 
 /// Of the light that leaves through a cell, how much meets another surface after the first one: from the cell's axis,
 /// for diffuse and mirrored directions alike.
-fn worth(packed: &Packed, shapes: &[&dyn Shape], light: DVec3, cell: u32) -> f64 {
+fn worth(packed: &Packed, shapes: &Shapes, light: DVec3, cell: u32) -> f64 {
     let axis = cones()[cell as usize].axis;
-    let Some((shape, point)) = nearest(shapes, light, axis) else { return 0.0 };
-    let (normal, material) = (shapes[shape].sheet().normal(point), packed.material_of(shape));
+    let Some((shape, point)) = shapes.nearest(light, axis) else { return 0.0 };
+    let (normal, material) = (sheet_of(&packed.shapes[shape]).normal(point), packed.material_of(shape));
     let normal = if normal.dot(axis) > 0.0 { -normal } else { normal };
     let albedo = f64::from(material.color.iter().copied().fold(0.0, f32::max) * material.diffuse);
     // Directions of density cos/π: the normal plus points of the unit sphere.
     let directions = directions(shapes.len());
     let goes_on = directions.iter().filter(|on_sphere| {
         let direction = normal + **on_sphere;
-        meets(shapes, point, direction.normalize_or(normal), Some(shape))
+        shapes.is_met(point, direction.normalize_or(normal), Some(shape))
     });
     let diffuse = albedo * goes_on.count() as f64 / directions.len() as f64;
     let mirrored = axis - normal * (2.0 * axis.dot(normal));
     let glossy = f64::from(material.specular);
-    diffuse + if glossy > 0.0 && meets(shapes, point, mirrored, Some(shape)) { glossy } else { 0.0 }
+    diffuse + if glossy > 0.0 && shapes.is_met(point, mirrored, Some(shape)) { glossy } else { 0.0 }
 }
 
 /// Point `i` of `count` on the unit sphere, on a spiral (Vogel 1979).
@@ -312,9 +311,8 @@ fn on_sphere(i: u32, count: u32) -> DVec3 {
 pub fn is_closed(packed: &Packed) -> bool {
     const LOOKED_AT: u32 = 256;
     let shapes = Shapes::unpacked(&packed.shapes);
-    let shapes: Vec<&dyn Shape> = shapes.iter().collect();
     let meets = |light: &Light, i: u32| {
-        meets(&shapes, DVec3::from(light.position.map(f64::from)), on_sphere(i, LOOKED_AT), None)
+        shapes.is_met(DVec3::from(light.position.map(f64::from)), on_sphere(i, LOOKED_AT), None)
     };
     packed.lights.iter().all(|light| (0..LOOKED_AT).all(|i| meets(light, i)))
 }
@@ -333,19 +331,6 @@ fn directions(shapes: usize) -> &'static [DVec3] {
     &POINTS[count.max(8) as usize]
 }
 
-/// The first shape along a ray, and where; for estimates only.
-fn nearest(shapes: &[&dyn Shape], origin: DVec3, direction: DVec3) -> Option<(usize, DVec3)> {
-    let hits = shapes.iter().enumerate();
-    let hits = hits.filter_map(|(number, shape)| Some((number, shape.distance(origin, direction, false)?)));
-    hits.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(number, distance)| (number, origin + direction * distance))
-}
-
-/// Whether there is any along a ray that starts on `origin_on`. Planes, which come last, are what is hit most often.
-fn meets(shapes: &[&dyn Shape], origin: DVec3, direction: DVec3, origin_on: Option<usize>) -> bool {
-    let mut shapes = shapes.iter().enumerate().rev();
-    shapes.any(|(number, shape)| shape.distance(origin, direction, origin_on == Some(number)).is_some())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -359,11 +344,10 @@ mod tests {
             let light = DVec3::from(packed.lights[0].position.map(f64::from));
             let shapes = Shapes::unpacked(&packed.shapes);
             let caps = caps(&shapes, light).expect("the light lies in no object");
-            let shapes: Vec<&dyn Shape> = shapes.iter().collect();
             let (mut hit, mut kept) = (0, 0);
             for cell in cones() {
                 let is_kept = caps.iter().any(|cap| cell.meets(cap));
-                let is_hit = meets(&shapes, light, cell.axis, None);
+                let is_hit = shapes.is_met(light, cell.axis, None);
                 assert!(is_kept || !is_hit, "{name}: {:?}", cell.axis);
                 (hit, kept) = (hit + usize::from(is_hit), kept + usize::from(is_kept));
             }
@@ -387,7 +371,7 @@ mod tests {
                 2.0 * scale
             );
             let scene = parse(&text, "scaled").unwrap();
-            Plan::indirect(&Packed::new(&scene, scene.camera.position)).unwrap().cells
+            EmissionPlan::indirect(&Packed::new(&scene, scene.camera.position)).unwrap().cells
         };
         let here = cells(1.0);
         assert!(here.iter().any(|entry| entry >> CELL_BITS & ((1 << PART_BITS) - 1) > 1), "nothing is worth more");

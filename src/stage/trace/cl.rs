@@ -16,7 +16,7 @@ use crate::stage::irradiance::IrradianceView;
 use crate::stage::map::MapView;
 use crate::stage::scene_buffers::SceneBuffers;
 
-/// Kernels alone.
+/// Traces and gathers by OpenCL's kernels; the film is a buffer.
 pub struct ClTrace {
     context: Rc<Context>,
     scene: Option<SceneBuffers>,
@@ -76,6 +76,25 @@ impl ClTrace {
         let (scene, film, part, points, sites, active) = Default::default();
         let (pause, missing) = Default::default();
         Ok(ClTrace { context, scene, frame, film, part, slice, lattice, points, sites, active, pause, missing })
+    }
+
+    /// Writes what belongs to a frame into buffers, which grow to its size.
+    fn write_frame(&mut self, frame: &Frame, indirect: &Indirect) -> Result<()> {
+        self.make_film([frame.width as u32, frame.height as u32])?;
+        self.frame.write(&self.context, std::slice::from_ref(frame))?;
+        let Indirect::Final(_, pass) = indirect else { return Ok(()) };
+        self.lattice.write(&self.context, std::slice::from_ref(&pass.lattice))?;
+        let points = match self.points.take().filter(|points| points.len() >= pass.points.len()) {
+            Some(points) => points,
+            None => Buffer::new(&self.context, pass.points.len())?,
+        };
+        self.points.insert(points).write(&self.context, &pass.points)?;
+        let count = count_of_sites(&pass.lattice);
+        let wants_sites = self.active.as_ref().is_some_and(|active| active.sites.is_some());
+        if wants_sites && self.sites.as_ref().is_none_or(|(sites, _)| sites.len() < count) {
+            self.sites = Some((Buffer::new(&self.context, count)?, Buffer::new(&self.context, count)?));
+        }
+        Ok(())
     }
 
     /// How a picture is cut within its pixels: on CPUs, where nothing has to be, never.
@@ -144,9 +163,7 @@ impl Trace for ClTrace {
     }
 
     fn trace(&mut self, frame: &Frame, indirect: Indirect) -> Result<()> {
-        let (width, height) = (frame.width as u32, frame.height as u32);
-        self.make_film([width, height])?;
-        self.frame.write(&self.context, std::slice::from_ref(frame))?;
+        self.write_frame(frame, &indirect)?;
         let draws = self.draws(frame, &indirect)?;
         if let (Some(active), false) = (&mut self.active, draws.is_whole(frame)) {
             active.build_sliced(&self.context)?;
@@ -167,67 +184,26 @@ impl Trace for ClTrace {
                 args = args.and(&photons.ok_or_else(|| out_of_order("OpenCL"))?);
             }
             (None, Indirect::Final(IrradianceView::Device { charts, texels, .. }, pass)) => {
-                let lattice = &pass.lattice;
-                self.lattice.write(&self.context, std::slice::from_ref(lattice))?;
-                let points = match self.points.take().filter(|points| points.len() >= pass.points.len()) {
-                    Some(points) => points,
-                    None => Buffer::new(&self.context, pass.points.len())?,
-                };
-                let points = self.points.insert(points);
-                points.write(&self.context, &pass.points)?;
+                let Some(points) = &self.points else { return Err(out_of_order("OpenCL")) };
                 args = args.table(charts).table(&self.lattice).table(texels).table(points);
                 if let Some(kernel) = &active.sites {
-                    let count = lattice.columns as usize * lattice.rows as usize;
-                    if self.sites.as_ref().is_none_or(|(sites, _)| sites.len() < count) {
-                        self.sites = Some((Buffer::new(&self.context, count)?, Buffer::new(&self.context, count)?));
-                    }
                     let Some((sites, surfaces)) = &self.sites else { return Err(out_of_order("OpenCL")) };
                     let own = args.clone().with("irradiances", sites).with("surfaces", surfaces);
-                    let own = own.with("count", count as i32);
-                    let local = if active.lanes == 1 { 64 } else { 8 };
-                    let items = count.div_ceil(active.lanes as usize);
-                    kernel.pace.expect(draws::site_work(frame, lattice));
-                    self.context.launch(kernel, &own, &[items], Some(&[local]))?;
+                    let own = own.with("count", count_of_sites(&pass.lattice) as i32);
+                    gather_sites(&self.context, kernel, &own, active.lanes, frame, &pass.lattice)?;
                     args = args.table(sites).table(surfaces);
                 }
             }
             _ => return Err(out_of_order("OpenCL")),
         }
-        let (columns, rows) = block(active.lanes);
-        let bands = height.div_ceil(rows * BAND);
-        let blocks = [width.div_ceil(columns) as usize, (bands * BAND) as usize];
-        let context = &self.context;
-        // 8 × 8 blocks a work-group: enough to share out, small enough that the last ones do not idle.
-        let local = [8, BAND as usize];
-        let gather = match indirect {
-            Indirect::Map(MapView::Device { tiles: Some(tiles), .. })
-                if active.permutation.gathering.is_some_and(|gathering| gathering.method.is_tiled()) =>
-            {
-                Some(tiles.plan.gather)
-            }
-            Indirect::Map(MapView::Device { grid, .. }) => Some(grid.plan.gather),
-            _ => None,
-        };
-        let pause = self.pause.clone().unwrap_or_else(|| Rc::new(|| true));
-        let trace =
-            |kernel: &Kernel, args: Arguments, frame: &Frame, film: &Buffer<[f32; 3]>| -> Result<Vec<[u32; 2]>> {
-                kernel.pace.expect(f64::from(width) * draws::work(frame, &indirect, gather.as_ref()));
-                // What is not cut goes on from a row to the next.
-                let stride = if kernel.pace.fits(blocks[1]) { 1 } else { submissions::stride(bands as usize) };
-                let args = args.with("film", film).with("width", width as i32).with("height", height as i32);
-                let args = args.with("bands", bands as i32).with("stride", stride as i32);
-                let done = context.launch_while(kernel, &args, &blocks, Some(&local), &*pause)?;
-                let missing = (done as u32 / BAND..bands).map(|band| {
-                    let first = band * stride as u32 % bands * BAND * rows;
-                    [first, (first + BAND * rows).min(height)]
-                });
-                Ok(missing.collect())
-            };
         self.missing.clear();
+        let pause = self.pause.clone().unwrap_or_else(|| Rc::new(|| true));
+        let gather = plan_of_queries(active, &indirect);
+        let picture = Picture::new(&self.context, frame, &indirect, gather, active.lanes, &*pause);
         let Some([sliced, add]) = active.sliced.as_ref().filter(|_| !draws.is_whole(frame)) else {
             // Slices are gathered alone.
             let args = active.queue.into_iter().fold(args, |args, bytes| args.with("queue", Arg::Local(bytes)));
-            self.missing = trace(&active.kernel, args, frame, film)?;
+            self.missing = picture.draw(&active.kernel, args, frame, film)?;
             return Ok(());
         };
         if gather.is_some() {
@@ -235,25 +211,10 @@ impl Trace for ClTrace {
         }
         let part = match &mut self.part {
             Some(part) if part.len() >= film.len() => part,
-            none => none.insert(Buffer::new(context, film.len())?),
+            none => none.insert(Buffer::new(&self.context, film.len())?),
         };
-        for (number, (frame, weight, slice)) in draws.parts(frame).enumerate() {
-            self.frame.write(context, &[frame])?;
-            if let Some(gather) = gather {
-                let slices = draws.slices as f32;
-                self.slice.write(context, &[Gather { slice: slice as f32, slices, ..gather }])?;
-            }
-            let missing = trace(sliced, args.clone(), &frame, part)?;
-            let floats = 3 * film.len();
-            let sum = Arguments::new().with("part", &*part).with("film", film).with("count", floats as i32);
-            let sum = sum.with("weight", weight).with("is_first", i32::from(number == 0));
-            context.launch(add, &sum, &[floats], None)?;
-            if !missing.is_empty() || !pause() {
-                // What is there of the others is a part of it.
-                self.missing = vec![[0, frame.height as u32]];
-                break;
-            }
-        }
+        let mut changing = Changing { frame: &mut self.frame, slice: &mut self.slice };
+        self.missing = picture.draw_slices([sliced, add], &args, &mut changing, draws, part, film)?;
         Ok(())
     }
 
@@ -272,6 +233,122 @@ impl Trace for ClTrace {
 
     fn bytes(&self) -> usize {
         0 // the context counts its buffers
+    }
+}
+
+/// The layout of the cells in which pixels look for photons, where they do.
+fn plan_of_queries(active: &Compiled, indirect: &Indirect) -> Option<Gather> {
+    match indirect {
+        Indirect::Map(MapView::Device { tiles: Some(tiles), .. })
+            if active.permutation.gathering.is_some_and(|gathering| gathering.method.is_tiled()) =>
+        {
+            Some(tiles.plan.gather)
+        }
+        Indirect::Map(MapView::Device { grid, .. }) => Some(grid.plan.gather),
+        _ => None,
+    }
+}
+
+fn count_of_sites(lattice: &SiteLattice) -> usize {
+    lattice.columns as usize * lattice.rows as usize
+}
+
+/// Launches the kernel that gathers at the sites, from which pixels then take irradiance.
+fn gather_sites(
+    context: &Context,
+    kernel: &Kernel,
+    args: &Arguments,
+    lanes: u32,
+    frame: &Frame,
+    lattice: &SiteLattice,
+) -> Result<()> {
+    let local = if lanes == 1 { 64 } else { 8 };
+    let items = count_of_sites(lattice).div_ceil(lanes as usize);
+    kernel.pace.expect(draws::site_work(frame, lattice));
+    context.launch(kernel, args, &[items], Some(&[local]))
+}
+
+/// A picture as launches cut it: blocks of pixels, and bands of these.
+struct Picture<'a> {
+    context: &'a Context,
+    frame: &'a Frame,
+    indirect: &'a Indirect<'a>,
+    gather: Option<Gather>,
+    /// Rows of pixels in a block.
+    rows: u32,
+    bands: u32,
+    /// Blocks across and down: what is launched.
+    blocks: [usize; 2],
+    pause: &'a dyn Fn() -> bool,
+}
+
+/// Buffers that are written anew for each slice of a picture.
+struct Changing<'a> {
+    frame: &'a mut Buffer<Frame>,
+    slice: &'a mut Buffer<Gather>,
+}
+
+impl<'a> Picture<'a> {
+    /// 8 × 8 blocks a work-group: enough to share out, small enough that the last ones do not idle.
+    const LOCAL: [usize; 2] = [8, BAND as usize];
+
+    fn new(
+        context: &'a Context,
+        frame: &'a Frame,
+        indirect: &'a Indirect<'a>,
+        gather: Option<Gather>,
+        lanes: u32,
+        pause: &'a dyn Fn() -> bool,
+    ) -> Picture<'a> {
+        let (columns, rows) = block(lanes);
+        let bands = (frame.height as u32).div_ceil(rows * BAND);
+        let blocks = [(frame.width as u32).div_ceil(columns) as usize, (bands * BAND) as usize];
+        Picture { context, frame, indirect, gather, rows, bands, blocks, pause }
+    }
+
+    /// Draws into `film`; the rows that are missing because the rest was not wanted.
+    fn draw(&self, kernel: &Kernel, args: Arguments, frame: &Frame, film: &Buffer<[f32; 3]>) -> Result<Vec<[u32; 2]>> {
+        let (bands, height) = (self.bands, self.frame.height as u32);
+        kernel.pace.expect(f64::from(self.frame.width) * draws::work(frame, self.indirect, self.gather.as_ref()));
+        // What is not cut goes on from a row to the next.
+        let stride = if kernel.pace.fits(self.blocks[1]) { 1 } else { submissions::stride(bands as usize) };
+        let args = args.with("film", film).with("width", self.frame.width as i32).with("height", height as i32);
+        let args = args.with("bands", bands as i32).with("stride", stride as i32);
+        let done = self.context.launch_while(kernel, &args, &self.blocks, Some(&Self::LOCAL), self.pause)?;
+        let missing = (done as u32 / BAND..bands).map(|band| {
+            let first = band * stride as u32 % bands * BAND * self.rows;
+            [first, (first + BAND * self.rows).min(height)]
+        });
+        Ok(missing.collect())
+    }
+
+    /// Draws slice after slice into `part`, and adds them up in `film`; what is missing, as [`Picture::draw`] says it.
+    fn draw_slices(
+        &self,
+        [sliced, add]: [&Kernel; 2],
+        args: &Arguments,
+        changing: &mut Changing,
+        draws: Draws,
+        part: &Buffer<[f32; 3]>,
+        film: &Buffer<[f32; 3]>,
+    ) -> Result<Vec<[u32; 2]>> {
+        for (number, (frame, weight, slice)) in draws.parts(self.frame).enumerate() {
+            changing.frame.write(self.context, &[frame])?;
+            if let Some(gather) = self.gather {
+                let slices = draws.slices as f32;
+                changing.slice.write(self.context, &[Gather { slice: slice as f32, slices, ..gather }])?;
+            }
+            let missing = self.draw(sliced, args.clone(), &frame, part)?;
+            let floats = 3 * film.len();
+            let sum = Arguments::new().with("part", part).with("film", film).with("count", floats as i32);
+            let sum = sum.with("weight", weight).with("is_first", i32::from(number == 0));
+            self.context.launch(add, &sum, &[floats], None)?;
+            if !missing.is_empty() || !(self.pause)() {
+                // What is there of the others is a part of it.
+                return Ok(vec![[0, self.frame.height as u32]]);
+            }
+        }
+        Ok(Vec::new())
     }
 }
 

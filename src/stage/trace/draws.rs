@@ -42,7 +42,7 @@ pub struct Query {
 }
 
 impl Draws {
-    /// All in one.
+    /// One draw of all samples and candidates.
     pub fn whole(frame: &Frame) -> Draws {
         Draws { samples: frame.samples as u64, slices: 1 }
     }

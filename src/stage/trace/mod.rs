@@ -57,7 +57,7 @@ pub struct FinalPass {
 /// Where a picture's indirect light comes from.
 #[derive(Clone, Copy)]
 pub enum Indirect<'a> {
-    /// There is none.
+    /// No indirect light.
     None,
     /// Density estimates of the map uploaded last.
     Map(&'a MapView<'a>),

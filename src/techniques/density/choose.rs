@@ -8,8 +8,8 @@ use crate::plan::cells::{CellSize, Form};
 use crate::plan::choice::{self, Question};
 use crate::plan::{radius, tiling};
 use crate::rays::scene::SceneTables;
-use crate::settings::{Gather, GridForm, Lattice, Method};
-use crate::stage::grid::Wanted;
+use crate::settings::{CellLattice, Gather, GridForm, Method};
+use crate::stage::grid::GridSettings;
 use crate::stage::map::MapStage;
 
 /// What was chosen for a map where the settings leave it open.
@@ -53,10 +53,10 @@ pub fn choose(map: &MapStage, stored: u64, task: &Task) -> Result<Chosen> {
 }
 
 /// The grid that a picture's settings ask for, with cells of the machine's usual size where they ask for none.
-pub fn grid_wanted(task: &Task, radius: f32) -> Wanted {
+pub fn grid_wanted(task: &Task, radius: f32) -> GridSettings {
     let gather = &task.settings.gather;
     let size = match (gather.lattice, gather.cells) {
-        (Some(Lattice { corner, cell }), _) => {
+        (Some(CellLattice { corner, cell }), _) => {
             CellSize::Lattice { corner: (DVec3::from(corner) - task.packed.origin).as_vec3().to_array(), cell }
         }
         (None, Some(counts)) => CellSize::Counts(counts),
@@ -67,5 +67,5 @@ pub fn grid_wanted(task: &Task, radius: f32) -> Wanted {
         GridForm::Dense => Form::Dense,
         GridForm::Hashed => Form::Hashed(None),
     };
-    Wanted { radius, size, form, nearest: gather.nearest }
+    GridSettings { radius, size, form, nearest: gather.nearest }
 }

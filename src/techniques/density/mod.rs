@@ -13,7 +13,7 @@ use crate::program::gathering::Gathering;
 use crate::rays::emission::Emission;
 use crate::records::table_sets::{PHOTON_GRID, PHOTON_TILES};
 use crate::scene::Scene;
-use crate::settings::{GridForm, Settings};
+use crate::settings::{GridForm, Settings, TechniqueKind};
 use crate::stage::Stage;
 use crate::stage::map::{MapCounts, MapStage, MapView};
 use crate::stage::trace::{Indirect, Permutation, Trace};
@@ -21,7 +21,7 @@ use choose::Chosen;
 
 /// What it says of itself.
 pub static ROW: Row = Row {
-    name: "map",
+    name: TechniqueKind::Map.name(),
     stages: &[Stage::Upload, Stage::Photons, Stage::Grid, Stage::Compile, Stage::Textures, Stage::Tiles, Stage::Trace],
     tables: &[&PHOTON_GRID, &PHOTON_TILES],
     settle,
@@ -63,7 +63,7 @@ impl Density {
     fn gathering(&self, task: &Task) -> Gathering {
         Gathering {
             method: self.chosen.method,
-            kernel: task.settings.gather.kernel,
+            density_kernel: task.settings.gather.density_kernel,
             hashed: self.chosen.hashed,
             ..Gathering::of(&task.packed.shapes, task.packed.sphere_count, task.is_divided)
         }
@@ -109,7 +109,7 @@ impl Density {
         if !method.is_tiled() {
             return Ok(false);
         }
-        let wanted = tiling::Wanted { radius, tile, cells: method == crate::settings::Method::TiledGrid };
+        let wanted = tiling::TileSettings { radius, tile, cells: method == crate::settings::Method::TiledGrid };
         self.map.tile(&task.frame, &task.features, &wanted)?;
         task.times.tiles = task.stopwatch.lap();
         let Some(view) = self.map.view() else { return Ok(true) };

@@ -3,6 +3,7 @@
 
 use glam::DVec3;
 
+use super::super::Mean;
 use crate::film::Image;
 use crate::settings::{Method, Settings};
 
@@ -60,9 +61,9 @@ pub fn add(sums: &mut [f64], index: u64, radius: f32, image: &Image) {
 
 /// L_i = L + b·s_i + noise: the bias of the mean is b times the mean of s. A pixel alone knows its b badly; bias is as
 /// smooth as the disc of radius R, so the mean over a few pixels around knows it well.
-pub fn bias(sums: &[f64], mean: &[DVec3], passes: u64, (width, height): (u32, u32)) -> Vec<DVec3> {
+pub fn bias(sums: &[f64], mean: &Mean) -> Vec<DVec3> {
     const REACH: usize = 4;
-    let passes = passes as f64;
+    let (passes, (width, height)) = (mean.passes as f64, mean.size);
     if sums.len() < HEAD {
         return Vec::new();
     }
@@ -72,7 +73,7 @@ pub fn bias(sums: &[f64], mean: &[DVec3], passes: u64, (width, height): (u32, u3
         return Vec::new();
     }
     let of = |(mean, weighted): (&DVec3, &[f64])| (DVec3::from_slice(weighted) - *mean * sum) / spread * (sum / passes);
-    let raw: Vec<DVec3> = mean.iter().zip(sums[HEAD..].chunks_exact(3)).map(of).collect();
+    let raw: Vec<DVec3> = mean.pixels.iter().zip(sums[HEAD..].chunks_exact(3)).map(of).collect();
     box_blur(&raw, width as usize, height as usize, REACH)
 }
 

@@ -13,7 +13,7 @@ use crate::rays::emission::{Emission, is_closed};
 use crate::rays::scene::SceneTables;
 use crate::records::table_sets::{CHARTS, FINAL_GATHER, SITES};
 use crate::scene::Scene;
-use crate::settings::{Amount, FinalGather, LightMode, Settings, Technique};
+use crate::settings::{Amount, FinalGather, LightMode, Settings, Technique, TechniqueKind};
 use crate::stage::Stage;
 use crate::stage::irradiance::IrradianceStage;
 use crate::stage::map::MapCounts;
@@ -21,7 +21,7 @@ use crate::stage::trace::{FinalPass, Indirect, Permutation, Trace};
 
 /// What it says of itself. Its texels blur, too, but by less than passes can tell: no bias is estimated.
 pub static ROW: Row = Row {
-    name: "final-gather",
+    name: TechniqueKind::FinalGather.name(),
     stages: &[Stage::Upload, Stage::Photons, Stage::Compile, Stage::Textures, Stage::Trace],
     tables: &[&CHARTS, &FINAL_GATHER, &SITES],
     settle,

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use crate::rays::emission::{Plan, Sampler};
+use crate::rays::emission::{EmissionPlan, Sampler};
 use crate::rays::random::{R2_STEPS, hash_u, sequence_u, unit_real};
 use crate::rays::scene::SceneTables;
 use crate::rays::walk::emit_photon;
@@ -11,7 +11,13 @@ use crate::settings::{FinalGather, Pass, Settings};
 use crate::stage::trace::FinalPass;
 
 /// For a scene's pass.
-pub fn prepare(scene: &SceneTables, plan: &Plan, settings: &Settings, gather: &FinalGather, pass: &Pass) -> FinalPass {
+pub fn prepare(
+    scene: &SceneTables,
+    plan: &EmissionPlan,
+    settings: &Settings,
+    gather: &FinalGather,
+    pass: &Pass,
+) -> FinalPass {
     let mut points = lit_points(scene, plan, gather, pass);
     let lattice = SiteLattice {
         points: points.len() as f32,
@@ -66,7 +72,7 @@ fn points_per_watt(scene: &SceneTables, gather: &FinalGather) -> f32 {
 }
 
 /// Where the next paths of the lights' sequence arrive; those that meet nothing, or what reflects nothing, are left out.
-fn lit_points(scene: &SceneTables, plan: &Plan, gather: &FinalGather, pass: &Pass) -> Vec<LitPoint> {
+fn lit_points(scene: &SceneTables, plan: &EmissionPlan, gather: &FinalGather, pass: &Pass) -> Vec<LitPoint> {
     if plan.is_empty() {
         return Vec::new();
     }
