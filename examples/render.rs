@@ -33,7 +33,8 @@ fn render(file: PathBuf) -> Result<()> {
     let exposure = scene.render.exposure.unwrap_or(0.0) as f32;
 
     // OpenGL with OpenCL's photons, else OpenCL, else the CPU, with the reason for each step down.
-    let machine = Machine { threads: std::thread::available_parallelism().map_or(1, usize::from), ..Machine::default() };
+    let machine =
+        Machine { threads: std::thread::available_parallelism().map_or(1, usize::from), ..Machine::default() };
     let mut pipeline = Pipeline::open(&machine, |notice| eprintln!("{notice}"))?;
     println!("{}: {:?}", pipeline.backend.name(), pipeline.devices);
 

@@ -2,7 +2,7 @@
 //! decides what is rebuilt.
 //!
 //! A stage that runs may find that what it keeps of the scene still stands: then the scene is of the generation that it
-//! was made from (`records::packed_scene`). Programs that were built before are found again.
+//! was made from (`packing::packed_scene`). Programs that were built before are found again.
 
 pub use crate::stage::Stage;
 
