@@ -3,7 +3,7 @@
 use crate::film::fnv1a;
 use crate::lights::Lights;
 use crate::scene::Scene;
-use crate::settings::{FinalGather, Photons, Settings, Technique};
+use crate::settings::{FinalGather, Gather, Photons, Settings, Technique};
 use crate::shapes::Shapes;
 
 /// Of all that decides a render's pixels. Where anything is added to what is asked for, it has to be said here, too:
@@ -20,6 +20,13 @@ pub fn fingerprint(scene: &Scene, settings: &Settings) -> u64 {
 fn in_words(settings: &Settings) -> String {
     let Settings { width, height, samples, seed, light, photons, gather, technique } = settings;
     let Photons { amount, sampler } = photons;
+    let Gather { method, density_kernel, radius, nearest, cells, form, lattice, tile } = gather;
+    // The cells' lattice had another name.
+    let lattice = format!("{lattice:?}").replace("CellLattice", "Lattice");
+    let gather = format!(
+        "Gather {{ method: {method:?}, kernel: {density_kernel:?}, radius: {radius:?}, nearest: {nearest}, cells: \
+         {cells:?}, form: {form:?}, lattice: {lattice}, tile: {tile:?} }}"
+    );
     let technique = match technique {
         Technique::Map => "Map".to_string(),
         Technique::FinalGather(FinalGather { rays, own_rays, spacing, texels, points }) => format!(
@@ -30,7 +37,7 @@ fn in_words(settings: &Settings) -> String {
     format!(
         "Settings {{ width: {width}, height: {height}, samples: {samples}, first_sample: 0, jittered: false, \
          seed: {seed}, light: {light:?}, photons: Photons {{ amount: {amount:?}, pass: 0, sampler: {sampler:?} }}, \
-         gather: {gather:?}, technique: {technique} }}"
+         gather: {gather}, technique: {technique} }}"
     )
 }
 

@@ -1,5 +1,6 @@
 //! The window's life: it opens, takes events, and closes.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -22,6 +23,7 @@ use crate::error::{Error, Result};
 /// # Errors
 /// [`Error::Driver`] without a display or OpenGL; whatever ends the window early.
 pub fn run(options: Options, started: Instant) -> Result<Summary> {
+    say_own_panics_only();
     let mut builder = EventLoop::<Wake>::with_user_event();
     screen::choose(&mut builder);
     let events = builder
@@ -46,6 +48,16 @@ pub fn run(options: Options, started: Instant) -> Result<Summary> {
         },
         None => Ok(summary),
     }
+}
+
+/// Panics of the window library become errors (see `about_to_wait`), which say all that a user can do about them.
+fn say_own_panics_only() {
+    let usual = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        if !panic.location().is_some_and(|at| at.file().contains("/winit-")) {
+            usual(panic);
+        }
+    }));
 }
 
 struct App {
@@ -94,7 +106,11 @@ impl ApplicationHandler<Wake> for App {
 
     fn about_to_wait(&mut self, events: &ActiveEventLoop) {
         let Some(open) = &mut self.open else { return };
-        let next = open.step(&mut self.summary, self.started);
+        let (summary, started) = (&mut self.summary, self.started);
+        // The window library panics where it asks a display that has gone away for a size. Nothing is built on what it
+        // left: the window closes, and keeps what is unsaved.
+        let next = catch_unwind(AssertUnwindSafe(|| open.step(summary, started)))
+            .unwrap_or_else(|_| Err(Error::Driver("window: the display went away".into())));
         match next {
             Ok(next) => events.set_control_flow(ControlFlow::WaitUntil(next)),
             Err(error) => {
