@@ -5,7 +5,7 @@
 /// Hands the rows of all kinds of shape to a macro, in packing order: module, type, plural.
 macro_rules! for_each_shape_kind {
     ($call:ident $(, $argument:expr)*) => {
-        $call! { ($($argument),*) sphere Sphere spheres, plane Plane planes, }
+        $call! { ($($argument),*) sphere Sphere spheres, plane Plane planes, quad Quad quads, }
     };
 }
 pub(crate) use for_each_shape_kind;

@@ -13,6 +13,7 @@ mod house;
 mod photon_map;
 mod photons;
 mod progressive;
+mod quads;
 mod reference;
 mod scene;
 mod stress;

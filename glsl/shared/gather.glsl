@@ -63,11 +63,13 @@ Gathered add_gathered(Gathered sum, Gathered part) {
 
 #ifdef HAS_BOTH_SIDES
 // Whether a wall lies between the point and a photon: that photon lights another room's part of the surface.
-Bool walled_off(SCENE_PARAMS Vec3 point, Vec3 photon) {
+Bool walled_off(SCENE_PARAMS Surface surface, Vec3 photon) {
     Bool off = NO_LANE;
 #each shape
 #if defined(HAS_KINDS) && defined(KIND_PARTS)
-    for (int i = FIRST_KIND; i < END_KIND; i++) off = off || kind_parts(SCENE i, point, photon);
+    // Both lie on the surface itself: which side of it rounding puts them on says nothing.
+    for (int i = FIRST_KIND; i < END_KIND; i++)
+        off = off || (surface.shape != i && kind_parts(SCENE i, surface.position, photon));
 #endif
 #end each
     return off;
@@ -77,7 +79,7 @@ Bool walled_off(SCENE_PARAMS Vec3 point, Vec3 photon) {
 // Adds a photon's light with a weight of K/K(0).
 Gathered add_light(SCENE_PARAMS Gathered sum, Real weight, Vec3 position, Vec3 power, Vec3 to_light, Query query) {
 #ifdef HAS_BOTH_SIDES
-    weight = pick(walled_off(SCENE query.surface.position, position), 0.0f, weight);
+    weight = pick(walled_off(SCENE query.surface, position), 0.0f, weight);
 #endif
     sum.flux = scale_add3(power, weight, sum.flux);
 #ifdef HAS_GLOSSY
@@ -339,7 +341,7 @@ Gathered gather_face(SCENE_PARAMS int face, Query query, Float3 low, Float3 high
                     if (!is_in_row(row, position)) continue;
 #endif
 #ifdef HAS_BOTH_SIDES
-                    if (walled_off(SCENE query.surface.position, position)) continue;
+                    if (walled_off(SCENE query.surface, position)) continue;
 #endif
                     int hole = -1;
                     if (held < capacity) {

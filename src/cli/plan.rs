@@ -18,7 +18,7 @@ use crate::program::features::{Features, Reason};
 use crate::program::source::{Options, assemble, units};
 use crate::rays::emission::EmissionPlan;
 use crate::rays::scene::SceneTables;
-use crate::records::{Frame, Light, Material, Record, Shape, TEXEL, TEXTURE_WIDTH_LOG2, TextureShape};
+use crate::records::{Frame, Light, Material, Quad, Record, Shape, TEXEL, TEXTURE_WIDTH_LOG2, TextureShape};
 use crate::scene::Scene;
 use crate::settings::{Amount, Backend, LightMode, Pass, Settings};
 use crate::techniques::wants_photons;
@@ -208,12 +208,13 @@ fn print_source(unit: &str, lanes: u32, features: &Features) -> Result<()> {
 fn report(options: &RenderOptions, scene: &Scene, settings: &Settings, chosen: Option<String>) -> Result<Report> {
     let (features, reasons) = Features::explain(scene, settings);
     let packed = PackedScene::new(Packed::new(scene, scene.camera.position));
-    let uploads = vec![
+    let mut uploads = vec![
         table::<Frame>(1),
         table::<Shape>(packed.shapes.len()),
         table::<Material>(packed.materials.len()),
         table::<Light>(packed.lights.len()),
     ];
+    uploads.extend((!packed.quads.is_empty()).then(|| table::<Quad>(packed.quads.len())));
     let gather = gathering(options, scene, settings, &features, &packed)?;
     let memory = gather.as_ref().map(|gather| {
         let stored = gather.stored as usize;

@@ -88,9 +88,9 @@ pub fn visible_part(scene: &SceneTables, gathering: &Gathering, surface: &Surfac
         position: surface.position,
         normal: surface.normal,
     };
-    let cuts = scene.shapes.iter().enumerate().flat_map(|(number, shape)| {
-        let on = SurfaceOf { is_own: number == surface.shape, ..on };
-        (0..shapes::cuts(shape)).map(move |cut| shapes::cut(shape, cut, &on, inverse_radius))
+    let cuts = scene.all().flat_map(|shape| {
+        let on = SurfaceOf { is_own: shape.number == surface.shape, ..on };
+        (0..shapes::cuts(&shape)).map(move |cut| shapes::cut(&shape, cut, &on, inverse_radius))
     });
     let cuts: Vec<Cut> = cuts.filter(|cut| cut.beyond < cut.sine).collect();
     let lost: f32 = (0..cuts.len()).map(|i| lost_beyond(kernel, &cuts, i, surface.normal)).sum();
@@ -202,7 +202,7 @@ mod tests {
             shape(normal, normal.dot(position + towards * (distance * radius)))
         });
         let shapes = [own].into_iter().chain(others).collect();
-        let packed = Packed { origin: DVec3::ZERO, shapes, sphere_count: 0, lights: Vec::new(), materials: Vec::new() };
+        let packed = Packed { shapes, ..Packed::default() };
         let features = Features::reachable()[0]; // any: clipping asks for none
         let scene = SceneTables::new(&packed, &features);
         let normal = (tilt * DVec3::Z).as_vec3();

@@ -46,8 +46,7 @@ fn from_lit_points(scene: &SceneTables, gatherer: &Gatherer, to: &Surface, fewer
         let direction = towards * (1.0 / distance);
         let cosine = to.normal.dot(direction);
         let cosine_there = 0.0 - Vec3::from(point.normal).dot(direction);
-        let faces =
-            cosine > 0.0 && cosine_there > 0.0 && (to.shape != shape || shapes::sees_itself(&scene.shapes[shape]));
+        let faces = cosine > 0.0 && cosine_there > 0.0 && (to.shape != shape || shapes::sees_itself(&scene.at(shape)));
         if faces && !scene.occluded(to.position, position, direction, distance, to.face_left(), Some(shape)) {
             let facing = cosine * cosine_there * FRAC_1_PI;
             let density = point.density * fewer;
@@ -136,7 +135,7 @@ pub fn indirect_irradiance(
         );
         let apart = Vec3::from(frame.position) + towards * surfaces[site].distance - surface.position;
         let mut weight = share * (1.0 - apart.dot(apart).sqrt() * inverse_clearance).max(0.0);
-        weight *= shapes::likeness(&scene.shapes[surface.shape], apart, lattice.reach);
+        weight *= shapes::likeness(&scene.at(surface.shape), apart, lattice.reach);
         if surfaces[site].face == face {
             irradiance += Vec3::from(sites[site].irradiance) * weight;
             total += weight;
@@ -155,8 +154,8 @@ const LEAST_WEIGHT: f32 = 0.02;
 
 /// Distance from a point to the nearest surface but its own.
 fn clearance(scene: &SceneTables, surface: &Surface) -> f32 {
-    let others = scene.shapes.iter().enumerate().filter(|(number, _)| *number != surface.shape);
-    others.map(|(_, shape)| shapes::distance(shape, surface.position)).fold(INFINITE, f32::min)
+    let others = scene.all().filter(|shape| shape.number != surface.shape);
+    others.map(|shape| shapes::distance(&shape, surface.position)).fold(INFINITE, f32::min)
 }
 
 /// Of all rays of a pass.

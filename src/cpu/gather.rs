@@ -170,8 +170,9 @@ pub fn near(map: &PhotonMap, face: usize, point: Vec3, tile: usize) -> Vec<Near>
 }
 
 /// Whether a wall lies between the point and a photon.
-pub fn walled_off(scene: &SceneTables, point: Vec3, photon: Vec3) -> bool {
-    scene.shapes.iter().any(|shape| shapes::parts(shape, point, photon))
+pub fn walled_off(scene: &SceneTables, surface: &Surface, photon: Vec3) -> bool {
+    // Both lie on the surface itself: which side of it rounding puts them on says nothing.
+    scene.all().any(|shape| shape.number != surface.shape && shapes::parts(&shape, surface.position, photon))
 }
 
 /// Photons that are summed at a time.
@@ -192,7 +193,7 @@ pub fn photon_radiance(scene: &SceneTables, map: &PhotonMap, surface: &Surface, 
     let mut found = near(map, face, surface.position, tile);
     let position = |i: usize| if stored { map.stored.positions[i].position } else { map.grid.positions[i].position };
     if map.gathering.both_sides {
-        found.retain(|n| !walled_off(scene, surface.position, position(n.photon).into()));
+        found.retain(|n| !walled_off(scene, surface, position(n.photon).into()));
     }
     if map.gathering.method == Method::Knn {
         // The k nearest, and the next one's distance as their radius: an unbiased count over the disc it spans

@@ -17,7 +17,7 @@ use crate::records::{Chart, Texel};
 /// The texel of a surface point.
 pub fn texel_of(scene: &SceneTables, charts: &[Chart], surface: &Surface) -> usize {
     let chart = &charts[sheet_of_shape(surface.shape)];
-    let shape = &scene.shapes[surface.shape];
+    let shape = &scene.at(surface.shape);
     let (u, v) = shapes::chart_point(shape, chart, surface.position, surface.normal * surface.side);
     let column = ((u * 0.5 + 0.5) * chart.columns).max(0.0).min(chart.columns - 1.0) as usize;
     let row = ((v * 0.5 + 0.5) * chart.rows).max(0.0).min(chart.rows - 1.0) as usize;

@@ -8,7 +8,7 @@ use glam::DVec3;
 
 use crate::lights::Light;
 use crate::materials::Material;
-use crate::records::{self, Frame, LIGHTS_IN_UNIFORMS, Record, SHAPES_IN_UNIFORMS};
+use crate::records::{self, Frame, LIGHTS_IN_UNIFORMS, QUADS_IN_UNIFORMS, Record, SHAPES_IN_UNIFORMS};
 use crate::scene::{Camera, Scene};
 use crate::settings::{Pass, Settings};
 
@@ -23,14 +23,16 @@ pub fn packings() -> u64 {
 }
 
 /// A scene as the devices hold it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Packed {
     /// World position of scene space's origin.
     pub origin: DVec3,
-    /// Spheres first, then planes.
+    /// Spheres first, then planes, then quads.
     pub shapes: Vec<records::Shape>,
     /// One for each shape in their order, or, where shapes are many, each of the scene's once.
     pub materials: Vec<records::Material>,
+    /// What quads have besides their planes, in their order.
+    pub quads: Vec<records::Quad>,
     /// How many of the shapes are spheres.
     pub sphere_count: usize,
     /// In the file's order.
@@ -70,10 +72,14 @@ impl Packed {
         if !shared {
             shapes.iter_mut().enumerate().for_each(|(number, shape)| shape.material = number as f32);
         }
+        let mut quads: Vec<_> = scene.shapes.iter().filter_map(|shape| shape.row(origin)).collect();
+        let count = quads.len() as f32;
+        quads.iter_mut().for_each(|quad| quad.count = count);
         Packed {
             origin,
             shapes,
             materials,
+            quads,
             sphere_count: scene.shapes.spheres.len(),
             lights: scene.lights.iter().map(|light| light.pack(origin)).collect(),
         }
@@ -85,12 +91,16 @@ impl Packed {
     }
 
     /// The tables that programs read, by name: [`crate::records::table_sets::PACKED`].
-    pub fn tables(&self) -> [(&'static str, &[f32]); 3] {
-        [
+    pub fn tables(&self) -> Vec<(&'static str, &[f32])> {
+        let mut tables: Vec<(&'static str, &[f32])> = vec![
             (records::Shape::TABLE, bytemuck::cast_slice(&self.shapes)),
             (records::Material::TABLE, bytemuck::cast_slice(&self.materials)),
             (records::Light::TABLE, bytemuck::cast_slice(&self.lights)),
-        ]
+        ];
+        if !self.quads.is_empty() {
+            tables.push((records::Quad::TABLE, bytemuck::cast_slice(&self.quads)));
+        }
+        tables
     }
 
     /// Whether some material has a lobe.
@@ -100,12 +110,14 @@ impl Packed {
 
     /// Whether the records fit into GL's uniforms (see [`SHAPES_IN_UNIFORMS`]).
     pub fn in_uniforms(&self) -> bool {
-        self.shapes.len() <= SHAPES_IN_UNIFORMS && self.lights.len() <= LIGHTS_IN_UNIFORMS
+        self.shapes.len() <= SHAPES_IN_UNIFORMS
+            && self.quads.len() <= QUADS_IN_UNIFORMS
+            && self.lights.len() <= LIGHTS_IN_UNIFORMS
     }
 
     /// How many of the shapes are planes.
     pub fn plane_count(&self) -> usize {
-        self.shapes.len() - self.sphere_count
+        self.shapes.len() - self.sphere_count - self.quads.len()
     }
 
     /// The picture's own numbers, for this scene, camera and pass.

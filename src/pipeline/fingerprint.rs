@@ -10,10 +10,12 @@ use crate::shapes::Shapes;
 /// nothing is left out by `..`.
 pub fn fingerprint(scene: &Scene, settings: &Settings) -> u64 {
     let Scene { name: _, camera, materials, lights, shapes, render: _ } = scene;
-    let (Lights { points }, Shapes { spheres, planes }) = (lights, shapes);
+    let (Lights { points }, Shapes { spheres, planes, quads }) = (lights, shapes);
+    // Said only where there are any: the first checkpoints knew none.
+    let quads = if quads.is_empty() { String::new() } else { format!("{quads:?}") };
     // Debug prints every float in full, and any change of a type's fields changes it too.
     let settings = in_words(settings);
-    fnv1a(format!("passes {camera:?}{materials:?}{points:?}{spheres:?}{planes:?}{settings}").as_bytes())
+    fnv1a(format!("passes {camera:?}{materials:?}{points:?}{spheres:?}{planes:?}{quads}{settings}").as_bytes())
 }
 
 /// Settings in the words of the first checkpoints, which must stay good: then they said of a pass, too, where it begins.

@@ -5,7 +5,7 @@
 use glam::DVec3;
 
 use crate::kinds::{KindName, SHAPE_KINDS, ShapeKind, ShapeSet};
-use crate::records::{LIGHTS_IN_UNIFORMS, SHAPES_IN_UNIFORMS};
+use crate::records::{LIGHTS_IN_UNIFORMS, QUADS_IN_UNIFORMS, SHAPES_IN_UNIFORMS};
 use crate::scene::Scene;
 use crate::settings::{LightMode, Pass, Settings};
 use crate::shapes::{Shape, Shapes};
@@ -96,7 +96,9 @@ impl Features {
             glossy: glossy > 0 && !scene.lights.is_empty(),
             ambient: ambient > 0,
             one_sample: settings.samples == 1,
-            in_uniforms: shapes <= SHAPES_IN_UNIFORMS && scene.lights.len() <= LIGHTS_IN_UNIFORMS,
+            in_uniforms: shapes <= SHAPES_IN_UNIFORMS
+                && scene.shapes.quads.len() <= QUADS_IN_UNIFORMS
+                && scene.lights.len() <= LIGHTS_IN_UNIFORMS,
             counts: (1..=FEW_SHAPES).contains(&shapes).then_some(kinds.map(|kind| kind.count() as u32)),
         };
         let reason = |feature: &str, used, why| Reason { feature: feature.into(), used, why };
@@ -166,7 +168,8 @@ impl Features {
         let flags = |flags: &[(bool, &str)]| {
             flags.iter().filter(|(is_on, _)| *is_on).map(|(_, name)| name.to_string()).collect::<Vec<_>>()
         };
-        let counts = self.counts.iter().flat_map(|counts| counts.iter().zip(&SHAPE_KINDS));
+        let counts = self.counts.iter().flat_map(|counts| counts.iter().zip(ShapeKind::ALL));
+        let counts = counts.filter(|(_, kind)| self.shapes.has(*kind));
         of_kinds(self.shapes, KindName::has)
             .chain(flags(&[
                 (!self.shapes.is_empty(), "HAS_SHAPES"),
@@ -182,7 +185,7 @@ impl Features {
                 (self.one_sample, "ONE_SAMPLE"),
                 (self.in_uniforms, "SCENE_IN_UNIFORMS"),
             ]))
-            .chain(counts.map(|(count, kind)| format!("{} {count}", kind.count())))
+            .chain(counts.map(|(count, kind)| format!("{} {count}", kind.name().count())))
             .collect()
     }
 
@@ -234,7 +237,9 @@ impl Features {
                 false => !self.shadows.has(kind) || possible && self.two_sided,
             }
         };
-        !(self.shapes.is_empty() && needs_objects) && ShapeKind::ALL.into_iter().all(shadows_of)
+        // Light goes round edges.
+        let sides = self.two_sided || !self.shapes.has(ShapeKind::Quad);
+        sides && !(self.shapes.is_empty() && needs_objects) && ShapeKind::ALL.into_iter().all(shadows_of)
     }
 }
 
@@ -255,7 +260,7 @@ fn two_sided(scene: &Scene, camera: Option<DVec3>) -> Option<String> {
     let sources: Vec<DVec3> = lights.iter().copied().chain(camera).collect();
     let shows_its_back = |shape: &&dyn Shape| {
         let (sheet, facing) = (shape.sheet(), shape.facing(*first));
-        sources.iter().any(|p| sheet.side(*p, near) * facing <= 0.0)
+        shape.edges().is_some() || sources.iter().any(|p| sheet.side(*p, near) * facing <= 0.0)
     };
     let kinds = scene.shapes.kinds();
     let backs: Vec<usize> = kinds.iter().map(|kind| kind.iter().filter(shows_its_back).count()).collect();

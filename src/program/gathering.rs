@@ -1,5 +1,6 @@
 //! How stored photons become radiance: the method, the density kernel, and what the scene asks of the code.
 
+use crate::kinds::ShapeKind;
 use crate::records::Shape;
 pub use crate::settings::{DensityKernel, Method};
 
@@ -19,6 +20,8 @@ pub struct Gathering {
     pub clip: bool,
     /// Photons may lie on both sides of a plane.
     pub both_sides: bool,
+    /// Some shape has an edge that photons lie on both sides of, wherever the camera is.
+    pub edges: bool,
     /// A sphere cuts a plane and covers a circle of it.
     pub footprints: bool,
 }
@@ -68,8 +71,10 @@ impl Gathering {
     /// and stays there.
     pub fn of(shapes: &[Shape], sphere_count: usize, divided: bool) -> Gathering {
         let planes = shapes.len() - sphere_count;
+        let edges = shapes.iter().any(|shape| ShapeKind::of(shape.kind) == ShapeKind::Quad);
         Gathering {
-            clip: planes > 0 && shapes.len() > 1,
+            clip: planes > 0 && (shapes.len() > 1 || edges),
+            edges,
             footprints: footprints(&shapes[..sphere_count], &shapes[sphere_count..]),
             ..Gathering::default()
         }
@@ -78,7 +83,7 @@ impl Gathering {
 
     /// The same seen from elsewhere: the camera decides whether the scene is divided.
     pub fn divided(self, divided: bool) -> Gathering {
-        Gathering { both_sides: self.clip && divided, ..self }
+        Gathering { both_sides: self.clip && (divided || self.edges), ..self }
     }
 
     /// The `#define`s of this permutation.
@@ -118,7 +123,15 @@ impl Gathering {
                 for (clip, both_sides) in all.into_iter().flat_map(|a| all.map(|b| (a, b))) {
                     for footprints in all {
                         if clip || !(both_sides || footprints) {
-                            reachable.push(Gathering { method, density_kernel, hashed, clip, both_sides, footprints });
+                            reachable.push(Gathering {
+                                method,
+                                density_kernel,
+                                hashed,
+                                clip,
+                                both_sides,
+                                footprints,
+                                edges: false,
+                            });
                         }
                     }
                 }

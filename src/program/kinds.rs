@@ -29,7 +29,7 @@ pub fn ranges() -> String {
         // Known to the compiler where shapes are few (features.rs): it unrolls what loops over them.
         write!(
             text,
-            "#ifndef {name}_COUNT\n#define {name}_COUNT count_of(frame_{singular}_count())\n#endif\n\
+            "#ifndef HAS_{plural}\n#define {name}_COUNT 0\n#elif !defined({name}_COUNT)\n#define {name}_COUNT count_of(frame_{singular}_count())\n#endif\n\
              #define FIRST_{name} {end}\n#define END_{name} (FIRST_{name} + {name}_COUNT)\n\
              #if !({before})\n#ifdef HAS_{plural}\n#define {name}_COMES_FIRST\n#endif\n\
              #define IS_{name}(shape) ((shape) < END_{name})\n\

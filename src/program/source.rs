@@ -20,6 +20,7 @@ const FILES: &[(&str, &str)] = &[
     ("shared/surface.glsl", include_str!("../../glsl/shared/surface.glsl")),
     ("shared/shapes/sphere.glsl", include_str!("../../glsl/shared/shapes/sphere.glsl")),
     ("shared/shapes/flat.glsl", include_str!("../../glsl/shared/shapes/flat.glsl")),
+    ("shared/shapes/quad.glsl", include_str!("../../glsl/shared/shapes/quad.glsl")),
     ("shared/shapes/plane.glsl", include_str!("../../glsl/shared/shapes/plane.glsl")),
     ("shared/scene.glsl", include_str!("../../glsl/shared/scene.glsl")),
     ("shared/bsdf.glsl", include_str!("../../glsl/shared/bsdf.glsl")),

@@ -2,22 +2,24 @@
 
 use glam::Vec3;
 
-use super::shapes::{self, INFINITE, KeepSide, Placed, ShadowRay, Sides};
+use super::shapes::{self, INFINITE, KeepSide, Placed, ShadowRay, ShapeAt, Sides};
 use crate::kinds::ShapeKind;
 use crate::packing::Packed;
 use crate::program::features::Features;
 use crate::records::face::{self, face_of, shape_of_sheet, sheet_of, sheet_of_shape};
-use crate::records::{Light, Material, Shape};
+use crate::records::{Light, Material, Quad, Shape};
 
 /// What the twins read: the very records that devices get.
 #[derive(Clone, Copy)]
 pub struct SceneTables<'a> {
-    /// Spheres first, then planes.
+    /// Spheres first, then planes, then quads.
     pub shapes: &'a [Shape],
     /// Rows that shapes name.
     pub materials: &'a [Material],
     /// How many of the objects are spheres.
     pub sphere_count: usize,
+    /// What quads, which come last, have besides their planes.
+    pub quads: &'a [Quad],
     /// Point lights.
     pub lights: &'a [Light],
     /// What this permutation contains.
@@ -72,9 +74,24 @@ impl<'a> SceneTables<'a> {
             shapes: &packed.shapes,
             materials: &packed.materials,
             sphere_count: packed.sphere_count,
+            quads: &packed.quads,
             lights: &packed.lights,
             features,
         }
+    }
+
+    /// A shape by its number.
+    #[inline]
+    pub fn at(&self, number: usize) -> ShapeAt<'a> {
+        let first_quad = self.shapes.len() - self.quads.len();
+        ShapeAt { shape: &self.shapes[number], number, quads: self.quads, first_quad }
+    }
+
+    /// All shapes, in the order of their numbers.
+    #[inline]
+    pub fn all(&self) -> impl Iterator<Item = ShapeAt<'a>> {
+        let scene = *self;
+        (0..self.shapes.len()).map(move |number| scene.at(number))
     }
 
     /// The material of a shape.
@@ -96,10 +113,10 @@ impl<'a> SceneTables<'a> {
     pub fn closest_hit(&self, origin: Vec3, direction: Vec3, origin_face: Option<usize>) -> Option<Hit> {
         let mut closest = Hit { t: INFINITE, shape: usize::MAX, from: origin_face };
         let (origin_shape, sides) = (shape_of(origin_face), self.sides(origin_face));
-        for (number, shape) in self.shapes.iter().enumerate() {
-            let t = shapes::hit(shape, origin, direction, origin_shape == Some(number), sides);
+        for shape in self.all() {
+            let t = shapes::hit(&shape, origin, direction, origin_shape == Some(shape.number), sides);
             if t < closest.t {
-                closest = Hit { t, shape: number, ..closest };
+                closest = Hit { t, shape: shape.number, ..closest };
             }
         }
         (closest.shape != usize::MAX).then_some(closest)
@@ -118,20 +135,20 @@ impl<'a> SceneTables<'a> {
     ) -> bool {
         let ray = ShadowRay { origin, light, direction, distance };
         let (origin_shape, sides) = (shape_of(Some(origin_face)), self.sides(Some(origin_face)));
-        self.shapes.iter().enumerate().any(|(number, shape)| {
+        self.all().any(|shape| {
             self.features.casts_shadows(ShapeKind::of(shape.kind))
-                && Some(number) != target_shape
-                && shapes::blocks(shape, &ray, origin_shape == Some(number), sides)
+                && Some(shape.number) != target_shape
+                && shapes::blocks(&shape, &ray, origin_shape == Some(shape.number), sides)
         })
     }
 
     /// A hit point beside an edge or a contact, put to the side of every other surface from which the ray came.
     fn keep_side(&self, origin: Vec3, direction: Vec3, hit: Hit, mut position: Vec3) -> Vec3 {
         let leaves = if is_behind(hit.from) { -1.0 } else { 1.0 };
-        for (number, shape) in self.shapes.iter().enumerate() {
-            let leaves = (shape_of(hit.from) == Some(number)).then_some(leaves);
-            let ray = KeepSide { origin, direction, leaves, is_hit: number == hit.shape };
-            position = shapes::keep_side(shape, &ray, position);
+        for shape in self.all() {
+            let leaves = (shape_of(hit.from) == Some(shape.number)).then_some(leaves);
+            let ray = KeepSide { origin, direction, leaves, is_hit: shape.number == hit.shape };
+            position = shapes::keep_side(&shape, &ray, position);
         }
         position
     }
@@ -139,7 +156,7 @@ impl<'a> SceneTables<'a> {
     /// The hit point, put back on its surface: rounding along a long ray leaves it beside.
     pub fn surface_at(&self, origin: Vec3, direction: Vec3, hit: Hit) -> Surface {
         let p = origin + direction * hit.t;
-        let shape = &self.shapes[hit.shape];
+        let shape = &self.at(hit.shape);
         let Placed { position, normal } = shapes::place(shape, p);
         if !self.features.two_sided {
             return Surface { position, normal, shape: hit.shape, side: 1.0 };

@@ -19,6 +19,22 @@ record! {
     }
 }
 
+record! {
+    /// What a quad has besides its plane: coordinates u and v along its edges, each in [−1, 1] on the quad.
+    Quad, "quad" in "quads" {
+        /// u = `dot(across_u, p) + offset_u`; scene space, 1/m. In the quad's plane, and across its second edge.
+        across_u: [f32; 3],
+        /// The same of v, across its first edge.
+        across_v: [f32; 3],
+        /// See `across_u`.
+        offset_u: f32,
+        /// See `across_v`.
+        offset_v: f32,
+        /// Of all quads, the same in every row: a scene without any has no room for it in its frame.
+        count: f32,
+    }
+}
+
 /// [`Shape::kind`] of a sphere.
 pub const SPHERE: f32 = ShapeKind::Sphere.number();
 /// [`Shape::kind`] of a plane.

@@ -7,7 +7,7 @@ use std::fmt::Write;
 
 use super::{
     Chart, Emitter, Face, Frame, Gather, LISTS, Light, LitPoint, Material, PhotonDirection, PhotonPosition,
-    PhotonPower, RECORDS, Record, Region, Shape, Site, SiteLattice, SiteSurface, Texel, Tile,
+    PhotonPower, Quad, RECORDS, Record, Region, Shape, Site, SiteLattice, SiteSurface, Texel, Tile,
 };
 
 /// Members that are given together.
@@ -54,8 +54,11 @@ use When::{Has, Lacks};
 pub static PACKED: TableSet = TableSet {
     name: "PACKED",
     when: &[],
-    members: &[Table(Shape::TABLE), Table(Material::TABLE), Table(Light::TABLE)],
+    members: &[Table(Shape::TABLE), Table(Material::TABLE), Table(Light::TABLE), Set(&QUADS)],
 };
+
+/// What quads have besides their planes.
+static QUADS: TableSet = TableSet { name: "QUADS", when: &[Has("HAS_QUADS")], members: &[Table(Quad::TABLE)] };
 
 /// Photons in the cells of a grid, or as they were stored.
 pub static PHOTON_GRID: TableSet = TableSet {
@@ -165,6 +168,7 @@ pub static CASES: TableSet = TableSet { name: "CASES", when: &[], members: &[Tab
 
 /// All sets, each after those that it contains.
 static SETS: &[&TableSet] = &[
+    &QUADS,
     &PACKED,
     &PHOTONS,
     &PHOTON_GRID,
@@ -299,7 +303,8 @@ mod tests {
     #[test]
     fn textures_are_those_of_the_program() {
         let plain = SCENE.textures(Some(&[]));
-        assert_eq!(plain, PACKED.textures(None));
+        assert_eq!(plain, ["shapes", "materials", "lights"]);
+        assert_eq!(SCENE.textures(Some(&defined(&["HAS_QUADS"]))), PACKED.textures(None));
         let tiles = SCENE.textures(Some(&defined(&["HAS_PHOTONS", "GATHER_TILES"])));
         assert!(tiles.contains(&"regions") && !tiles.contains(&"faces") && !tiles.contains(&"gather"), "{tiles:?}");
         let grid = SCENE.textures(Some(&defined(&["HAS_PHOTONS"])));

@@ -2,7 +2,7 @@
 
 use super::record::{Field, Record};
 use super::{
-    Chart, Emitter, Face, Frame, Gather, Light, LitPoint, Material, PhotonDirection, PhotonPosition, PhotonPower,
+    Chart, Emitter, Face, Frame, Gather, Light, LitPoint, Material, PhotonDirection, PhotonPosition, PhotonPower, Quad,
     Region, Shape, Site, SiteLattice, SiteSurface, Texel, Tile,
 };
 
@@ -41,6 +41,9 @@ pub const SHAPES_IN_UNIFORMS: usize = 32;
 /// See [`SHAPES_IN_UNIFORMS`].
 pub const LIGHTS_IN_UNIFORMS: usize = 16;
 
+/// See [`SHAPES_IN_UNIFORMS`]: 32 shapes, of them 12 quads, and 16 lights take 230 of the 256 vectors.
+pub const QUADS_IN_UNIFORMS: usize = 12;
+
 const fn declare<R: Record>(single: bool, in_uniforms: usize) -> Declaration {
     Declaration { name: R::NAME, table: R::TABLE, fields: R::FIELDS, texels: R::TEXELS, single, in_uniforms }
 }
@@ -51,6 +54,7 @@ pub const RECORDS: &[Declaration] = &[
     declare::<Shape>(false, SHAPES_IN_UNIFORMS),
     declare::<Material>(false, SHAPES_IN_UNIFORMS),
     declare::<Light>(false, LIGHTS_IN_UNIFORMS),
+    declare::<Quad>(false, QUADS_IN_UNIFORMS),
     declare::<Gather>(true, 0),
     declare::<Face>(false, 0),
     declare::<Tile>(false, 0),

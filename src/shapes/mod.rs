@@ -9,6 +9,7 @@ use crate::records;
 
 mod cap;
 mod plane;
+mod quad;
 mod sheet;
 mod sphere;
 
@@ -34,8 +35,18 @@ pub trait Shape: Send + Sync {
     /// Its record about an origin; its material is the scene's index. `facing`: see [`Shape::facing`].
     fn pack(&self, origin: DVec3, facing: f64) -> records::Shape;
 
-    /// The shape that a record tells of, in scene space.
-    fn unpacked(record: &records::Shape) -> Self
+    /// What its kind keeps in a table of its own, about an origin.
+    fn row(&self, _origin: DVec3) -> Option<records::Quad> {
+        None
+    }
+
+    /// Where it ends, if it is flat and does: light goes round that.
+    fn edges(&self) -> Option<Edges> {
+        None
+    }
+
+    /// The shape that a record tells of, with its row of its kind's own table, in scene space.
+    fn unpacked(record: &records::Shape, row: Option<&records::Quad>) -> Self
     where
         Self: Sized;
 
@@ -97,6 +108,15 @@ pub trait Shape: Send + Sync {
     {
         Vec::new()
     }
+}
+
+/// Of a flat shape with an end, a parallelogram.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Edges {
+    /// Its middle, metres.
+    pub center: DVec3,
+    /// From there to the middles of two edges, metres.
+    pub half: [DVec3; 2],
 }
 
 /// Spacing of float32 numbers, as a share.
@@ -192,7 +212,7 @@ macro_rules! shapes {
         /// The surface that a record tells of, in scene space.
         pub fn sheet_of(record: &records::Shape) -> Sheet {
             match ShapeKind::of(record.kind) {
-                $(ShapeKind::$kind => $kind::unpacked(record).sheet(),)*
+                $(ShapeKind::$kind => $kind::unpacked(record, None).sheet(),)*
             }
         }
 
@@ -215,11 +235,14 @@ macro_rules! shapes {
             }
 
             /// The shapes that records tell of, in scene space.
-            pub fn unpacked(records: &[records::Shape]) -> Shapes {
+            pub fn unpacked(records: &[records::Shape], quads: &[records::Quad]) -> Shapes {
                 let mut shapes = Shapes::default();
                 for record in records {
                     match ShapeKind::of(record.kind) {
-                        $(ShapeKind::$kind => shapes.$list.push($kind::unpacked(record)),)*
+                        $(ShapeKind::$kind => {
+                            let row = quads.get(shapes.$list.len());
+                            shapes.$list.push($kind::unpacked(record, row));
+                        })*
                     }
                 }
                 shapes
@@ -321,6 +344,10 @@ mod tests {
             all.spheres.extend(scene.shapes.spheres.into_iter().take(10));
             all.planes.extend(scene.shapes.planes);
         }
+        for edge in [DVec3::X, DVec3::new(1.0, 0.5, 0.0), DVec3::new(-2.0, 0.3, 0.1)] {
+            let edges = [edge, DVec3::new(0.2, -1.0, 3.0)];
+            all.quads.push(Quad { corner: DVec3::new(-1.0, 0.5, 0.2), edges, material: 1 });
+        }
         all.place(1.5, DVec3::new(20.0, -7.0, 9.0));
         assert!(all.kinds().iter().all(|kind| kind.count() > 2));
         all
@@ -363,14 +390,26 @@ mod tests {
     fn records_tell_what_the_shape_was() {
         let (shapes, origin) = (shapes(), DVec3::new(20.0, -7.0, 9.0));
         let records: Vec<_> = shapes.iter().map(|shape| shape.pack(origin, 1.0)).collect();
-        let unpacked = Shapes::unpacked(&records);
+        let rows: Vec<_> = shapes.iter().filter_map(|shape| shape.row(origin)).collect();
+        let unpacked = Shapes::unpacked(&records, &rows);
         assert_eq!(unpacked.len(), shapes.len());
         for (number, (there, here)) in shapes.iter().zip(unpacked.iter()).enumerate() {
             assert_eq!(there.material(), here.material());
-            assert_eq!(here.sheet(), sheet_of(&records[number]), "shape {number}");
+            let alone = sheet_of(&records[number]);
+            if let (Some(edges), Some(own)) = (there.edges(), here.edges()) {
+                for (there, here) in
+                    [(edges.center - origin, own.center)].into_iter().chain(edges.half.into_iter().zip(own.half))
+                {
+                    assert!(there.distance(here) < 1e-5 * (1.0 + there.length()), "shape {number}: {there} {here}");
+                }
+            }
             for p in directions() {
                 let (there, here) = (there.sheet().height(p + origin), here.sheet().height(p));
                 assert!((there - here).abs() < 1e-6 * (1.0 + there.abs()), "shape {number}: {there} {here}");
+                assert!(
+                    (alone.height(p) - here).abs() < 1e-9 * (1.0 + here.abs()),
+                    "shape {number}: by its record alone"
+                );
             }
         }
     }

@@ -68,7 +68,7 @@ impl Shape for Plane {
         }
     }
 
-    fn unpacked(record: &records::Shape) -> Plane {
+    fn unpacked(record: &records::Shape, _row: Option<&records::Quad>) -> Plane {
         Plane {
             normal: DVec3::from(record.anchor.map(f64::from)),
             offset: f64::from(record.extent),

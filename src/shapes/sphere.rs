@@ -50,7 +50,7 @@ impl Shape for Sphere {
         }
     }
 
-    fn unpacked(record: &records::Shape) -> Sphere {
+    fn unpacked(record: &records::Shape, _row: Option<&records::Quad>) -> Sphere {
         Sphere {
             center: DVec3::from(record.anchor.map(f64::from)),
             radius: f64::from(record.extent),

@@ -29,6 +29,7 @@ impl SceneBuffers {
     /// # Errors
     /// As [`SceneBuffers::new`].
     pub fn upload(&mut self, context: &Context, packed: &Packed) -> Result<()> {
+        self.tables.retain(|(name, _)| packed.tables().iter().any(|(wanted, _)| wanted == name));
         for (name, floats) in packed.tables() {
             let texels = bytemuck::cast_slice(floats);
             let place = match self.tables.iter().position(|(known, _)| *known == name) {

@@ -6,7 +6,7 @@
 
 use std::rc::Rc;
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
 
 use super::exact::ulp;
@@ -57,7 +57,7 @@ struct Case {
 fn floor() -> Packed {
     let shape = Shape { anchor: [0.0, 0.0, 1.0], extent: 0.0, kind: PLANE, ..Shape::default() };
     let material = Material { color: [WHITE; 3], diffuse: 1.0, ..Material::default() };
-    Packed { origin: DVec3::ZERO, shapes: vec![shape], sphere_count: 0, lights: Vec::new(), materials: vec![material] }
+    Packed { shapes: vec![shape], materials: vec![material], ..Packed::default() }
 }
 
 fn features() -> Features {

@@ -216,7 +216,7 @@ impl Case {
         // A scene of this object alone.
         let shapes = std::slice::from_ref(&self.shape);
         let sphere_count = usize::from(!self.class.is_plane());
-        let scene = SceneTables { shapes, materials: &[], sphere_count, lights: &[], features };
+        let scene = SceneTables { shapes, materials: &[], quads: &[], sphere_count, lights: &[], features };
         let surface = scene.surface_at(self.origin, self.direction, Hit { t, shape: 0, from: self.on.then_some(1) });
         let ([px, py, pz], [nx, ny, nz]) = (surface.position.to_array(), surface.normal.to_array());
         [t, px, py, pz, nx, ny, nz, surface.side].map(f32::to_bits)
@@ -338,6 +338,7 @@ pub(super) fn run(bench: &mut Bench) -> Result<Found> {
         sphere_count: cases.iter().filter(|case| !case.class.is_plane()).count(),
         lights: Vec::new(),
         materials: Vec::new(),
+        quads: Vec::new(),
     };
     let rays: Vec<[f32; 3]> = cases
         .iter()
@@ -390,7 +391,7 @@ pub(super) fn run(bench: &mut Bench) -> Result<Found> {
 }
 
 fn by_twin(bench: &Bench, cases: &[Case], fault: Option<Fault>) -> Vec<Answer> {
-    let features = features(true, false);
+    let features = features(true, false, false);
     bench.pool.install(|| cases.par_iter().map(|case| case.by_twin(&features, fault)).collect())
 }
 

@@ -21,10 +21,11 @@ use super::Fault;
 /// An item's answer: eight words.
 pub type Answer = [u32; 8];
 
-/// Of scenes that only rays meet, none of them lit.
-pub fn features(two_sided: bool, in_uniforms: bool) -> Features {
+/// Of scenes that only rays meet, none of them lit; `quads`: some of the shapes are.
+pub fn features(two_sided: bool, in_uniforms: bool, quads: bool) -> Features {
+    let shapes = ShapeSet::of(ShapeKind::Sphere).and(ShapeSet::of(ShapeKind::Plane));
     Features {
-        shapes: ShapeSet::of(ShapeKind::Sphere).and(ShapeSet::of(ShapeKind::Plane)),
+        shapes: if quads { shapes.and(ShapeSet::of(ShapeKind::Quad)) } else { shapes },
         lights: Lights::None,
         shadows: ShapeSet::NONE,
         two_sided,
@@ -105,7 +106,8 @@ impl Lab {
     /// # Errors
     /// [`Error::Build`] and [`Error::Device`] from the device; [`Error::Driver`] where it is not open.
     pub fn ask(&self, backend: Backend, task: &Task, items: Range<usize>) -> Result<Vec<Answer>> {
-        let features = features(task.two_sided, task.in_uniforms && backend == Backend::OpenGl);
+        let features =
+            features(task.two_sided, task.in_uniforms && backend == Backend::OpenGl, !task.packed.quads.is_empty());
         let mut defines = vec![task.body.to_string()];
         defines.extend(task.fault.map(|fault| fault.define()));
         defines.extend(task.alone.then(|| "SHAPES_ALONE".to_string()));

@@ -1,7 +1,7 @@
 //! Suite: random numbers. The same integers on every machine, at the counters' limits too; never 1; spread evenly;
 //! without correlation between neighbouring paths, bounces, passes and dimensions.
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
 
 use super::lab::{Answer, Task};
@@ -50,8 +50,7 @@ pub(super) fn run(bench: &mut Bench) -> Result<Found> {
     let split = |u: u32| [(u & 0xffff) as f32, (u >> 16) as f32, 0.0];
     let cases: Vec<[f32; 3]> = counters.iter().flat_map(|(a, b)| [split(*a), split(*b)]).collect();
     let expected: Vec<Answer> = counters.par_iter().map(|pair| twin(*pair, None)).collect();
-    let packed =
-        Packed { origin: DVec3::ZERO, shapes: Vec::new(), sphere_count: 0, lights: Vec::new(), materials: Vec::new() };
+    let packed = Packed::default();
     for backend in bench.backends() {
         bench.step(&format!("random: counters, {}", backend.name()))?;
         let answers = match backend {

@@ -138,6 +138,7 @@ pub fn focus_of(scene: &Scene, thing: Option<Thing>) -> (DVec3, f64) {
 mod tests {
     use super::*;
     use crate::scene;
+    use crate::shapes::Quad;
     use proptest::prelude::*;
 
     fn room() -> Scene {
@@ -192,6 +193,34 @@ mod tests {
         place.x += 0.2 * REACH / 1.5;
         assert_eq!(pick(&scene, place), None);
         assert_eq!(project(&scene.camera, 1.5, DVec3::new(2.0, 3.5, 20.0)), None, "behind");
+    }
+
+    #[test]
+    fn a_quad_is_taken_where_it_is_and_moves_by_its_corner() {
+        let mut scene = room();
+        let (corner, edges) = (DVec3::new(-1.0, -0.5, 4.0), [DVec3::new(1.5, 0.2, 0.0), DVec3::new(0.3, 1.0, 0.4)]);
+        scene.shapes.quads = vec![Quad { corner, edges, material: 0 }];
+        let number = scene.shapes.len() - 1;
+        let at = |point: DVec3| {
+            let (x, y, _) = project(&scene.camera, 1.5, point).unwrap();
+            Place { x, y, aspect: 1.5 }
+        };
+        // In a corner of it, and beside that corner.
+        let inside = at(corner + edges[0] * 0.02 + edges[1] * 0.02);
+        assert_eq!(pick(&scene, inside).map(|held| held.thing), Some(Thing::Shape(number)));
+        assert_ne!(
+            pick(&scene, at(corner - edges[0] * 0.02 - edges[1] * 0.02)).map(|held| held.thing),
+            Some(Thing::Shape(number))
+        );
+        let held = pick(&scene, inside).unwrap();
+        let camera = scene.camera.clone();
+        let [from, to] = [inside, Place { x: inside.x + 0.1, y: inside.y - 0.05, ..inside }];
+        let by = held.center(&camera, to) - held.center(&camera, from);
+        assert!(by.length() > 0.1);
+        held.thing.put(&mut scene, held.center(&camera, to));
+        let quad = &scene.shapes.quads[0];
+        assert!(quad.corner.distance(corner + by) < 1e-9, "{} for {}", quad.corner, corner + by);
+        assert_eq!(quad.edges, edges);
     }
 
     #[test]

@@ -190,6 +190,20 @@ mod tests {
     }
 
     #[test]
+    fn a_quad_that_moved_is_written_by_its_corner() {
+        let text = format!(
+            "{TEXT}\n[[quads]] # a table\ncorner = [0, 1.0, 0] # here\nedges = [[2, 0, 0], [0, 0, 2]]\nmaterial = \"white\"\n"
+        );
+        let old = parse(&text, "x.toml").unwrap();
+        let mut new = old.clone();
+        let number = new.shapes.len() - 1;
+        new.shapes.get_mut(number).unwrap().place(1.0, DVec3::new(0.0, -0.25, 1.5));
+        let written = updated(&text, &old, &new).unwrap();
+        assert_eq!(written, text.replace("[0, 1.0, 0] # here", "[0, 0.75, 1.5] # here"));
+        assert_eq!(parse(&written, "x.toml").unwrap(), new);
+    }
+
+    #[test]
     fn a_file_that_became_another_is_refused() {
         let mut new = room();
         new.lights.points[0].position.x = 1.0;

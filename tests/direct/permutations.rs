@@ -13,7 +13,7 @@ use photile::program::features::{Features, Lights};
 use photile::program::source::{Options, assemble, assemble_text};
 use photile::scene::{Camera, RenderDefaults, Scene};
 use photile::settings::{LightMode, Settings};
-use photile::shapes::{Plane, Shapes, Sphere};
+use photile::shapes::{Plane, Quad, Shapes, Sphere};
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 
@@ -175,6 +175,7 @@ prop_compose! {
                    lights in prop_oneof![Just(0..3usize), Just(0..20)].prop_flat_map(|n| prop::collection::vec(vector(), n)),
                    spheres in prop_oneof![Just(0..3usize), Just(0..40)].prop_flat_map(|n| prop::collection::vec(vector(), n)),
                    planes in prop::collection::vec((vector(), -3.0..3.0), 0..4),
+                   quads in prop_oneof![Just(0..1usize), Just(0..3), Just(0..20)].prop_flat_map(|n| prop::collection::vec(vector(), n)),
                    position in vector()) -> Scene {
         let count = materials.len();
         Scene {
@@ -190,6 +191,7 @@ prop_compose! {
             planes: planes.into_iter().enumerate()
                 .map(|(i, (normal, offset))| Plane { normal: (normal + DVec3::splat(1e-9)).normalize(), offset, material: i % count })
                 .collect(),
+            quads: quads.into_iter().map(|corner| Quad { corner, edges: [DVec3::X, DVec3::Y], material: 0 }).collect(),
             },
             render: RenderDefaults::default(),
         }

@@ -234,8 +234,15 @@ fn device_and_twin_gather_the_same() {
         (Method::Knn, DensityKernel::Biweight, true),
         (Method::Brute, DensityKernel::Cone, true),
     ] {
-        let gathering =
-            Gathering { method, density_kernel: kernel, clip: true, both_sides, footprints: both_sides, hashed: false };
+        let gathering = Gathering {
+            method,
+            density_kernel: kernel,
+            clip: true,
+            both_sides,
+            footprints: both_sides,
+            hashed: false,
+            edges: false,
+        };
         let wanted = GridSettings { nearest: 12, ..GridSettings::radius(0.8) };
         let twin = by_twin(&map, &wanted, gathering);
         let found = on_device(&context, &mut stage, &map, &wanted, gathering, context.device.lanes);

@@ -13,7 +13,6 @@ mod tiled_pictures;
 mod tiles;
 mod timings;
 
-use glam::DVec3;
 use photile::cpu::grid::{PhotonSurface, PhotonTables, face_of, grid_bounds};
 use photile::device::cl::{Context, devices};
 use photile::packing::Packed;
@@ -124,7 +123,7 @@ pub fn room_material() -> Material {
 pub fn packed_of(mut shapes: Vec<Shape>, sphere_count: usize, material: Material) -> Packed {
     (0..shapes.len()).for_each(|number| shapes[number].material = number as f32);
     let materials = vec![material; shapes.len()];
-    Packed { origin: DVec3::ZERO, shapes, materials, sphere_count, lights: Vec::new() }
+    Packed { shapes, materials, sphere_count, ..Packed::default() }
 }
 
 /// Uniform points on the room's surfaces, both sides of each.

@@ -53,7 +53,7 @@ fn every_gathering_compiles_in_opengl() {
         if number % 2 == 1 {
             defines.push("SLICED".into());
         }
-        let counts = (number % 4 < 2).then_some([2, 3]);
+        let counts = (number % 4 < 2).then_some([2, 3, 0]);
         let features = photile::program::features::Features { glossy: number % 3 > 0, counts, ..features() };
         let all_defines = [features.defines(), defines.clone()].concat();
         let source = assemble("trace.frag", Some(&features), &Options { defines, ..Options::default() });
@@ -73,7 +73,7 @@ fn every_two_choices_of_gathering_compile_in_opencl() {
     for (number, gathering) in chosen.iter().enumerate() {
         // One lane's vocabulary differs in the shim alone, which the kernels of other tests compile as well.
         let lanes = gathering.lanes(if number % 4 == 0 { 1 } else { context.device.lanes });
-        let counts = (number % 8 < 4).then_some([2, 3]);
+        let counts = (number % 8 < 4).then_some([2, 3, 0]);
         let features = photile::program::features::Features { glossy: number % 3 == 0, counts, ..features() };
         let mut defines = gathering.defines();
         // As on a GPU, wherever that compiles.

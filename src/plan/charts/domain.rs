@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::neighbourhood;
 use crate::packing::Packed;
-use crate::shapes::{Shape, Shapes, Sheet};
+use crate::shapes::{Edges, Shape, Shapes, Sheet};
 
 /// Points along a side of a texel at which it is asked what light can reach: an edge through a texel is known to about
 /// 1/50 of it.
@@ -22,6 +22,8 @@ pub struct HalfSpace {
 pub struct Domain {
     /// Of the shapes, in the order of their records.
     pub sheets: Vec<Sheet>,
+    /// Where flat ones of them end, if they do.
+    pub edges: Vec<Option<Edges>>,
     /// Centres and radii of shapes that have an end.
     pub bounds: Vec<(DVec3, f64)>,
     /// Places of the lights.
@@ -34,7 +36,7 @@ pub struct Domain {
 impl Domain {
     /// Planes that have all lights on one side keep their light on that side.
     pub fn new(packed: &Packed) -> Domain {
-        let shapes = Shapes::unpacked(&packed.shapes);
+        let shapes = Shapes::unpacked(&packed.shapes, &packed.quads);
         let lights: Vec<DVec3> = packed.lights.iter().map(|light| DVec3::from(light.position.map(f64::from))).collect();
         let mut half_spaces = Vec::new();
         // Light goes round what has an end.
@@ -51,6 +53,7 @@ impl Domain {
         }
         Domain {
             sheets: shapes.iter().map(Shape::sheet).collect(),
+            edges: shapes.iter().map(Shape::edges).collect(),
             bounds: shapes.iter().filter_map(Shape::bounds).collect(),
             lights,
             half_spaces,
@@ -60,7 +63,8 @@ impl Domain {
 
     /// Whether light can come to the side of a shape that its own normal points to, or to the other one.
     pub fn is_lit(&self, shape: usize, front: bool) -> bool {
-        self.lights.iter().any(|light| self.sheets[shape].is_lit(*light, front))
+        // Light goes round edges, from one side to the other.
+        self.lights.iter().any(|light| self.edges[shape].is_some() || self.sheets[shape].is_lit(*light, front))
     }
 
     /// Whether light can be at a point of a shape's surface.

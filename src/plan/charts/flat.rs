@@ -6,6 +6,7 @@ use super::domain::{Domain, reached};
 use super::neighbourhood::{self, Neighbourhood};
 use super::{PlacedChart, PlacedTexel};
 use crate::records::Chart;
+use crate::shapes::Edges;
 
 /// A plane's coordinates.
 pub struct Axes {
@@ -13,6 +14,8 @@ pub struct Axes {
     pub v: DVec3,
     /// Any point of the plane.
     pub origin: DVec3,
+    /// Of the angle between `u` and `v`.
+    pub sine: f64,
 }
 
 impl Axes {
@@ -27,7 +30,7 @@ impl Axes {
             DVec3::Z
         };
         let u = (helper - normal * normal.dot(helper)).normalize();
-        Axes { u, v: normal.cross(u), origin: normal * offset }
+        Axes { u, v: normal.cross(u), origin: normal * offset, sine: 1.0 }
     }
 
     fn point(&self, p: DVec2) -> DVec3 {
@@ -96,8 +99,32 @@ pub fn chart(domain: &Domain, shape: usize, axes: Axes) -> PlacedChart {
     };
     // A bent chart gives half of its texels to the square of twice `spread` around the scene.
     let size = if ends { 2.0 * half } else { 6.0 * half };
-    let axes = Axes { origin: axes.point(middle), u: axes.u * half.x, v: axes.v * half.y };
+    let axes = Axes { origin: axes.point(middle), u: axes.u * half.x, v: axes.v * half.y, sine: 1.0 };
     PlacedChart { chart, size, axes: Some(axes) }
+}
+
+/// The chart of what ends: all of it, whatever light can reach.
+pub fn chart_within(edges: Edges, normal: DVec3) -> PlacedChart {
+    let [u, v] = edges.half;
+    // Dual to the halves of its edges.
+    let gradient = |along: DVec3, other: DVec3| {
+        let across = other.cross(normal);
+        across / across.dot(along)
+    };
+    let (axis_u, axis_v) = (gradient(u, v), gradient(v, u));
+    let chart = Chart {
+        axis_u: axis_u.as_vec3().to_array(),
+        axis_v: axis_v.as_vec3().to_array(),
+        offset_u: -axis_u.dot(edges.center) as f32,
+        offset_v: -axis_v.dot(edges.center) as f32,
+        ..Chart::default()
+    };
+    let size = DVec2::new(2.0 * u.length(), 2.0 * v.length());
+    PlacedChart {
+        chart,
+        size,
+        axes: Some(Axes { origin: edges.center, u, v, sine: u.cross(v).length() / (u.length() * v.length()) }),
+    }
 }
 
 /// A plane's texels. `axes` are those of the chart.
@@ -112,7 +139,7 @@ pub fn texels(domain: &Domain, shape: usize, axes: &Axes, chart: &Chart) -> Vec<
             let across = (at(column, columns, 1.0) - at(column, columns, 0.0)) * unit_u;
             let down = (at(row, rows, 1.0) - at(row, rows, 0.0)) * unit_v;
             let point = |x: f64, y: f64| axes.point(DVec2::new(at(column, columns, x), at(row, rows, y)));
-            let area = across * down;
+            let area = across * down * axes.sine;
             let area = if area.is_finite() { area * reached(domain, shape, point) } else { 0.0 };
             let (place, size) = ((column, row), (columns, rows));
             let half_width =

@@ -45,7 +45,10 @@ impl Charts {
         let mut charts = Vec::new();
         for (shape, sheet) in domain.sheets.iter().enumerate() {
             charts.push(match *sheet {
-                Sheet::Flat { normal, offset } => flat::chart(&domain, shape, Axes::of(normal, offset)),
+                Sheet::Flat { normal, offset } => match domain.edges[shape] {
+                    Some(edges) => flat::chart_within(edges, normal),
+                    None => flat::chart(&domain, shape, Axes::of(normal, offset)),
+                },
                 Sheet::Round { radius, .. } => {
                     let size = DVec2::splat((4.0 * std::f64::consts::PI).sqrt() * radius);
                     PlacedChart { chart: Chart::default(), size, axes: None }

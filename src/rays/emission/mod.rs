@@ -83,7 +83,7 @@ impl EmissionPlan {
     /// # Errors
     /// [`Error::Usage`] for more lights than slots can name.
     pub fn new(packed: &Packed) -> Result<EmissionPlan> {
-        let shapes = Shapes::unpacked(&packed.shapes);
+        let shapes = Shapes::unpacked(&packed.shapes, &packed.quads);
         EmissionPlan::with_cells(packed, |light| caps(&shapes, light))
     }
 
@@ -111,7 +111,7 @@ impl EmissionPlan {
     /// Divides cells into parts, by what their light is worth.
     fn weigh(&mut self, packed: &Packed) {
         let kept = std::mem::take(&mut self.cells);
-        let shapes = Shapes::unpacked(&packed.shapes);
+        let shapes = Shapes::unpacked(&packed.shapes, &packed.quads);
         for (light, counts) in self.counts.iter_mut().enumerate() {
             let own = &kept[counts[1] as usize..(counts[1] + counts[2]) as usize];
             let cells = own.iter().map(|entry| entry & (CELLS as u32 - 1));
@@ -310,7 +310,7 @@ fn on_sphere(i: u32, count: u32) -> DVec3 {
 /// Whether light of every lamp meets something in each of many directions. A guess, but a quick one.
 pub fn is_closed(packed: &Packed) -> bool {
     const LOOKED_AT: u32 = 256;
-    let shapes = Shapes::unpacked(&packed.shapes);
+    let shapes = Shapes::unpacked(&packed.shapes, &packed.quads);
     let meets = |light: &Light, i: u32| {
         shapes.is_met(DVec3::from(light.position.map(f64::from)), on_sphere(i, LOOKED_AT), None)
     };
@@ -342,7 +342,7 @@ mod tests {
             let scene = crate::scene::load(std::path::Path::new(&format!("scenes/{name}.toml"))).expect("ours");
             let packed = Packed::new(&scene, scene.camera.position);
             let light = DVec3::from(packed.lights[0].position.map(f64::from));
-            let shapes = Shapes::unpacked(&packed.shapes);
+            let shapes = Shapes::unpacked(&packed.shapes, &packed.quads);
             let caps = caps(&shapes, light).expect("the light lies in no object");
             let (mut hit, mut kept) = (0, 0);
             for cell in cones() {

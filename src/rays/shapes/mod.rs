@@ -3,12 +3,13 @@
 
 mod flat;
 pub mod plane;
+pub mod quad;
 pub mod sphere;
 
 use glam::Vec3;
 
 use crate::kinds::{ShapeKind, for_each_shape_kind};
-use crate::records::{Chart, Shape};
+use crate::records::{Chart, Quad, Shape};
 
 /// Farther than any hit; finite, so that 0 · INFINITE stays a number.
 pub const INFINITE: f32 = 3.0e38;
@@ -103,70 +104,98 @@ pub struct SurfaceOf<'a> {
     pub normal: Vec3,
 }
 
+/// A shape among the others, with what its kind keeps in a table of its own. It is its record as well.
+#[derive(Clone, Copy, Debug)]
+pub struct ShapeAt<'a> {
+    /// Its record.
+    pub shape: &'a Shape,
+    /// Its place in the table of shapes.
+    pub number: usize,
+    /// Rows of the quads, of which the first is shape `first_quad`'s.
+    pub quads: &'a [Quad],
+    /// See `quads`.
+    pub first_quad: usize,
+}
+
+impl ShapeAt<'_> {
+    /// The row of a quad.
+    pub fn quad(&self) -> &Quad {
+        &self.quads[self.number - self.first_quad]
+    }
+}
+
+impl std::ops::Deref for ShapeAt<'_> {
+    type Target = Shape;
+
+    fn deref(&self) -> &Shape {
+        self.shape
+    }
+}
+
 macro_rules! dispatch {
     (() $($kind:ident $type:ident $plural:ident,)*) => {
         /// Distance along a ray, or [`INFINITE`]. `on`: the ray starts on the shape.
         #[inline]
-        pub fn hit(shape: &Shape, origin: Vec3, direction: Vec3, on: bool, sides: Sides) -> f32 {
+        pub fn hit(shape: &ShapeAt, origin: Vec3, direction: Vec3, on: bool, sides: Sides) -> f32 {
             match ShapeKind::of(shape.kind) { $(ShapeKind::$type => $kind::hit(shape, origin, direction, on, sides),)* }
         }
 
         /// A hit point put back on the shape.
-        pub fn place(shape: &Shape, p: Vec3) -> Placed {
+        pub fn place(shape: &ShapeAt, p: Vec3) -> Placed {
             match ShapeKind::of(shape.kind) { $(ShapeKind::$type => $kind::place(shape, p),)* }
         }
 
         /// Whether a ray met the shape from the side that normals do not point to. `on`: it starts there.
-        pub fn met_behind(shape: &Shape, origin: Vec3, direction: Vec3, on: bool) -> bool {
+        pub fn met_behind(shape: &ShapeAt, origin: Vec3, direction: Vec3, on: bool) -> bool {
             match ShapeKind::of(shape.kind) { $(ShapeKind::$type => $kind::met_behind(shape, origin, direction, on),)* }
         }
 
         /// Another shape's hit point, put to the side of this one from which the ray came.
         #[inline]
-        pub fn keep_side(shape: &Shape, ray: &KeepSide, position: Vec3) -> Vec3 {
+        pub fn keep_side(shape: &ShapeAt, ray: &KeepSide, position: Vec3) -> Vec3 {
             match ShapeKind::of(shape.kind) { $(ShapeKind::$type => $kind::keep_side(shape, ray, position),)* }
         }
 
         /// Whether the shape comes between a point and a light, or another point. `on`: the ray starts on it.
         #[inline]
-        pub fn blocks(shape: &Shape, ray: &ShadowRay, on: bool, sides: Sides) -> bool {
+        pub fn blocks(shape: &ShapeAt, ray: &ShadowRay, on: bool, sides: Sides) -> bool {
             match ShapeKind::of(shape.kind) { $(ShapeKind::$type => $kind::blocks(shape, ray, on, sides),)* }
         }
 
         /// Distance from a point to the shape's surface, metres.
         #[inline]
-        pub fn distance(shape: &Shape, position: Vec3) -> f32 {
+        pub fn distance(shape: &ShapeAt, position: Vec3) -> f32 {
             match ShapeKind::of(shape.kind) { $(ShapeKind::$type => $kind::distance(shape, position),)* }
         }
 
         /// Whether the shape is a wall between a point and a photon.
         #[inline]
-        pub fn parts(shape: &Shape, point: Vec3, photon: Vec3) -> bool {
+        pub fn parts(shape: &ShapeAt, point: Vec3, photon: Vec3) -> bool {
             match ShapeKind::of(shape.kind) { $(ShapeKind::$type => $kind::parts(shape, point, photon),)* }
         }
 
         /// How many lines the shape cuts discs with.
-        pub fn cuts(shape: &Shape) -> usize {
+        pub fn cuts(shape: &ShapeAt) -> usize {
             match ShapeKind::of(shape.kind) { $(ShapeKind::$type => $kind::CUTS,)* }
         }
 
         /// One of its cuts of the disc around a point.
-        pub fn cut(shape: &Shape, number: usize, on: &SurfaceOf, inverse_radius: f32) -> Cut {
+        pub fn cut(shape: &ShapeAt, number: usize, on: &SurfaceOf, inverse_radius: f32) -> Cut {
             match ShapeKind::of(shape.kind) { $(ShapeKind::$type => $kind::cut(shape, number, on, inverse_radius),)* }
         }
 
         /// Whether two points of the shape may see each other, whatever rounding says of their angles.
-        pub fn sees_itself(shape: &Shape) -> bool {
+        pub fn sees_itself(shape: &ShapeAt) -> bool {
             match ShapeKind::of(shape.kind) { $(ShapeKind::$type => $kind::SEES_ITSELF,)* }
         }
 
         /// How much a site counts at a point `apart` of it for its normal's sake. `reach`: see `SiteLattice`.
-        pub fn likeness(shape: &Shape, apart: Vec3, reach: f32) -> f32 {
+        pub fn likeness(shape: &ShapeAt, apart: Vec3, reach: f32) -> f32 {
             match ShapeKind::of(shape.kind) { $(ShapeKind::$type => $kind::likeness(shape, apart, reach),)* }
         }
 
         /// A point's coordinates in its sheet's chart, in [−1, 1]² where the chart has an end. `normal`: the shape's own.
-        pub fn chart_point(shape: &Shape, chart: &Chart, position: Vec3, normal: Vec3) -> (f32, f32) {
+        pub fn chart_point(shape: &ShapeAt, chart: &Chart, position: Vec3, normal: Vec3) -> (f32, f32) {
             match ShapeKind::of(shape.kind) { $(ShapeKind::$type => $kind::chart_point(chart, position, normal),)* }
         }
     };

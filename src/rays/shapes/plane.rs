@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::flat::flat_cut;
+use super::flat::{flat_chart, flat_cut, flat_place};
 use super::{Cut, INFINITE, KeepSide, LEAST_DISTANCE, MARGIN, Placed, ShadowRay, Sides, SurfaceOf, UNSURE, size_of};
 use crate::records::{Chart, Shape};
 
@@ -30,8 +30,7 @@ pub fn hit(shape: &Shape, origin: Vec3, direction: Vec3, on: bool, sides: Sides)
 
 /// See [`super::place`].
 pub fn place(shape: &Shape, p: Vec3) -> Placed {
-    let normal = Vec3::from(shape.anchor);
-    Placed { position: p + normal * (shape.extent - normal.dot(p)), normal }
+    flat_place(shape, p)
 }
 
 /// See [`super::met_behind`].
@@ -90,8 +89,6 @@ pub fn likeness(_shape: &Shape, _apart: Vec3, _reach: f32) -> f32 {
 }
 
 /// See [`super::chart_point`]: along two axes, straight or, where the plane has no end, bent.
-pub fn chart_point(chart: &Chart, position: Vec3, _normal: Vec3) -> (f32, f32) {
-    let u = Vec3::from(chart.axis_u).dot(position) + chart.offset_u;
-    let v = Vec3::from(chart.axis_v).dot(position) + chart.offset_v;
-    (u / (1.0 + chart.bend * u.abs()), v / (1.0 + chart.bend * v.abs()))
+pub fn chart_point(chart: &Chart, position: Vec3, normal: Vec3) -> (f32, f32) {
+    flat_chart(chart, position, normal)
 }

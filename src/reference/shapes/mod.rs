@@ -10,6 +10,7 @@ use crate::scene::Scene;
 use crate::shapes::Shapes;
 
 mod plane;
+mod quad;
 mod sphere;
 
 /// What rays ask of a shape.

@@ -20,6 +20,8 @@ use crate::stage::scene_buffers::SceneBuffers;
 pub struct ClTrace {
     context: Rc<Context>,
     scene: Option<SceneBuffers>,
+    /// How many of the scene's shapes are quads.
+    quads: usize,
     frame: Buffer<Frame>,
     film: Option<(u32, u32, Buffer<[f32; 3]>)>,
     /// Of a picture that is cut within its pixels: a part of it.
@@ -75,7 +77,8 @@ impl ClTrace {
         let (frame, lattice, slice) = (Buffer::new(&context, 1)?, Buffer::new(&context, 1)?, Buffer::new(&context, 1)?);
         let (scene, film, part, points, sites, active) = Default::default();
         let (pause, missing) = Default::default();
-        Ok(ClTrace { context, scene, frame, film, part, slice, lattice, points, sites, active, pause, missing })
+        let quads = 0;
+        Ok(ClTrace { context, scene, quads, frame, film, part, slice, lattice, points, sites, active, pause, missing })
     }
 
     /// Writes what belongs to a frame into buffers, which grow to its size.
@@ -110,12 +113,13 @@ impl ClTrace {
                     None if method.reads_stored() => Some(grid.count as u64),
                     None => grid.most_candidates(),
                 };
-                known.map(|candidates| Query { method, across: draws::cells_across(plan)[1], candidates })
+                let walls = self.active.as_ref().map_or(0, |active| active.permutation.walls(frame, self.quads));
+                known.map(|candidates| Query { method, across: draws::cells_across(plan)[1], candidates, walls })
             }
             _ => None,
         };
         let rounds = submissions::cuts_all(self.context.device.is_gpu).then_some(draws::GPU);
-        Draws::within(rounds, frame, indirect, query)
+        Draws::within(rounds, frame, self.quads, indirect, query)
     }
 }
 
@@ -155,6 +159,7 @@ impl Trace for ClTrace {
     fn upload(&mut self, packed: &PackedScene) -> Result<()> {
         check_count(packed)?;
         self.scene = Some(SceneBuffers::new(&self.context, packed)?);
+        self.quads = packed.quads.len();
         Ok(())
     }
 
@@ -190,7 +195,8 @@ impl Trace for ClTrace {
                     let Some((sites, surfaces)) = &self.sites else { return Err(out_of_order("OpenCL")) };
                     let own = args.clone().with("irradiances", sites).with("surfaces", surfaces);
                     let own = own.with("count", count_of_sites(&pass.lattice) as i32);
-                    gather_sites(&self.context, kernel, &own, active.lanes, frame, &pass.lattice)?;
+                    let work = draws::site_work(frame, self.quads, &pass.lattice);
+                    gather_sites(&self.context, kernel, &own, active.lanes, work, &pass.lattice)?;
                     args = args.table(sites).table(surfaces);
                 }
             }
@@ -199,7 +205,7 @@ impl Trace for ClTrace {
         self.missing.clear();
         let pause = self.pause.clone().unwrap_or_else(|| Rc::new(|| true));
         let gather = plan_of_queries(active, &indirect);
-        let picture = Picture::new(&self.context, frame, &indirect, gather, active.lanes, &*pause);
+        let picture = Picture::new(&self.context, frame, &indirect, (gather, self.quads), active.lanes, &*pause);
         let Some([sliced, add]) = active.sliced.as_ref().filter(|_| !draws.is_whole(frame)) else {
             // Slices are gathered alone.
             let args = active.queue.into_iter().fold(args, |args, bytes| args.with("queue", Arg::Local(bytes)));
@@ -259,12 +265,12 @@ fn gather_sites(
     kernel: &Kernel,
     args: &Arguments,
     lanes: u32,
-    frame: &Frame,
+    work: f64,
     lattice: &SiteLattice,
 ) -> Result<()> {
     let local = if lanes == 1 { 64 } else { 8 };
     let items = count_of_sites(lattice).div_ceil(lanes as usize);
-    kernel.pace.expect(draws::site_work(frame, lattice));
+    kernel.pace.expect(work);
     context.launch(kernel, args, &[items], Some(&[local]))
 }
 
@@ -274,6 +280,7 @@ struct Picture<'a> {
     frame: &'a Frame,
     indirect: &'a Indirect<'a>,
     gather: Option<Gather>,
+    quads: usize,
     /// Rows of pixels in a block.
     rows: u32,
     bands: u32,
@@ -296,20 +303,22 @@ impl<'a> Picture<'a> {
         context: &'a Context,
         frame: &'a Frame,
         indirect: &'a Indirect<'a>,
-        gather: Option<Gather>,
+        (gather, quads): (Option<Gather>, usize),
         lanes: u32,
         pause: &'a dyn Fn() -> bool,
     ) -> Picture<'a> {
         let (columns, rows) = block(lanes);
         let bands = (frame.height as u32).div_ceil(rows * BAND);
         let blocks = [(frame.width as u32).div_ceil(columns) as usize, (bands * BAND) as usize];
-        Picture { context, frame, indirect, gather, rows, bands, blocks, pause }
+        Picture { context, frame, indirect, gather, quads, rows, bands, blocks, pause }
     }
 
     /// Draws into `film`; the rows that are missing because the rest was not wanted.
     fn draw(&self, kernel: &Kernel, args: Arguments, frame: &Frame, film: &Buffer<[f32; 3]>) -> Result<Vec<[u32; 2]>> {
         let (bands, height) = (self.bands, self.frame.height as u32);
-        kernel.pace.expect(f64::from(self.frame.width) * draws::work(frame, self.indirect, self.gather.as_ref()));
+        kernel
+            .pace
+            .expect(f64::from(self.frame.width) * draws::work(frame, self.quads, self.indirect, self.gather.as_ref()));
         // What is not cut goes on from a row to the next.
         let stride = if kernel.pace.fits(self.blocks[1]) { 1 } else { submissions::stride(bands as usize) };
         let args = args.with("film", film).with("width", self.frame.width as i32).with("height", height as i32);

@@ -3,6 +3,7 @@
 
 use super::{FinalPass, Indirect};
 use crate::error::{Error, Result};
+use crate::rays::shapes::quad::CUTS;
 use crate::records::{Frame, Gather, SiteLattice};
 use crate::settings::Method;
 
@@ -39,6 +40,35 @@ pub struct Query {
     pub across: u64,
     /// A bound on the photons that it looks at.
     pub candidates: u64,
+    /// Walls that may part it from a photon, where the program loops over them for each.
+    pub walls: u64,
+}
+
+/// What programs loop over besides photons.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Looped {
+    /// Shapes of all kinds.
+    pub shapes: u64,
+    /// Of them, those that may part photons: flat ones.
+    pub walls: u64,
+    /// Lines that may cut a disc.
+    pub cuts: u64,
+    /// Lights.
+    pub lights: u64,
+}
+
+impl Looped {
+    /// Frames tell of all but quads.
+    pub fn of(frame: &Frame, quads: usize) -> Looped {
+        let [spheres, planes, lights] = [frame.sphere_count, frame.plane_count, frame.light_count].map(|n| n as u64);
+        let quads = quads as u64;
+        Looped { shapes: spheres + planes + quads, walls: planes + quads, cuts: planes + CUTS as u64 * quads, lights }
+    }
+
+    /// What a ray and the shadow rays from where it ends have to do, up to a factor.
+    fn rays(&self) -> f64 {
+        (self.shapes * (2 + self.lights)) as f64
+    }
 }
 
 impl Draws {
@@ -56,14 +86,19 @@ impl Draws {
     ///
     /// # Errors
     /// [`Error::Device`] when a single sample is too long where that would be wrong.
-    pub fn within(rounds: Option<Rounds>, frame: &Frame, indirect: &Indirect, query: Option<Query>) -> Result<Draws> {
+    pub fn within(
+        rounds: Option<Rounds>,
+        frame: &Frame,
+        quads: usize,
+        indirect: &Indirect,
+        query: Option<Query>,
+    ) -> Result<Draws> {
         let Some(Rounds { granted, is_hard }) = rounds else { return Ok(Draws::whole(frame)) };
         let samples = frame.samples as u64;
-        let (shapes, lights) = ((frame.sphere_count + frame.plane_count) as u64, frame.light_count as u64);
-        let planes = frame.plane_count as u64;
-        // Closest hit, the planes' sides, a shadow ray a light; the clipped disc's planes once, and twice more for each of six
-        // that cut it; 32 bits of a Sobol' number.
-        let mut fixed = shapes * (3 + lights) + lights + 2 * planes * planes.min(6) + 64;
+        let Looped { shapes, cuts, lights, .. } = Looped::of(frame, quads);
+        // Closest hit, the flat shapes' sides, a shadow ray a light; the lines that may cut the clipped disc once, and twice
+        // more for each of six that do; 32 bits of a Sobol' number.
+        let mut fixed = shapes * (3 + lights) + lights + 2 * cuts * cuts.min(6) + 64;
         let mut candidates = 0;
         if let Indirect::Final(_, FinalPass { lattice, .. }) = indirect {
             fixed += lattice.rays.max(lattice.own_rays) as u64 * (shapes * (2 + lights) + lights + 1);
@@ -71,10 +106,10 @@ impl Draws {
         }
         if let Some(query) = query {
             fixed += query.across * (2 * query.across + 1);
-            candidates = query.candidates + query.candidates / 256; // blocks of sums
+            candidates = (query.candidates + query.candidates / 256) * (1 + query.walls); // blocks of sums
             if query.method == Method::Knn {
                 // A candidate may go down the heap; a heap cannot be filled in slices.
-                fixed += candidates * 9;
+                fixed += candidates + 8 * query.candidates;
                 candidates = 0;
             }
         }
@@ -106,23 +141,18 @@ impl Draws {
 
 /// What a pixel has to do, up to a factor: its rays, and where they end the photons within the radius of the map that
 /// `gather` belongs to, or the rays of a final gathering.
-pub fn work(frame: &Frame, indirect: &Indirect, gather: Option<&Gather>) -> f64 {
+pub fn work(frame: &Frame, quads: usize, indirect: &Indirect, gather: Option<&Gather>) -> f64 {
     let each = match (indirect, gather) {
         (Indirect::Final(_, pass), _) => f64::from(pass.lattice.own_rays + pass.lattice.points),
         (_, Some(gather)) => f64::from(gather.photon_count) * f64::from(gather.radius).powi(2),
         (_, None) => 1.0,
     };
-    f64::from(frame.samples) * rays(frame) * each
+    f64::from(frame.samples) * Looped::of(frame, quads).rays() * each
 }
 
 /// What a site has to do, up to a factor.
-pub fn site_work(frame: &Frame, lattice: &SiteLattice) -> f64 {
-    f64::from(lattice.rays + lattice.points) * rays(frame)
-}
-
-/// What a ray and the shadow rays from where it ends have to do, up to a factor.
-fn rays(frame: &Frame) -> f64 {
-    f64::from((frame.sphere_count + frame.plane_count) * (2.0 + frame.light_count))
+pub fn site_work(frame: &Frame, quads: usize, lattice: &SiteLattice) -> f64 {
+    f64::from(lattice.rays + lattice.points) * Looped::of(frame, quads).rays()
 }
 
 /// Cells that a query's ball can touch along a row of them, and along an axis across rows.
@@ -158,8 +188,11 @@ mod tests {
     }
 
     fn draws(rounds: Rounds, samples: f32, method: Method, candidates: u64) -> Result<Draws> {
-        let query = Query { method, across: 8, candidates };
-        Draws::within(Some(rounds), &frame(samples), &Indirect::None, Some(query))
+        drawn(rounds, samples, 0, Query { method, across: 8, candidates, walls: 0 })
+    }
+
+    fn drawn(rounds: Rounds, samples: f32, quads: usize, query: Query) -> Result<Draws> {
+        Draws::within(Some(rounds), &frame(samples), quads, &Indirect::None, Some(query))
     }
 
     #[test]
@@ -179,6 +212,21 @@ mod tests {
     fn a_heap_is_refused_where_loops_end_early_and_drawn_where_they_last() {
         assert!(draws(LLVMPIPE, 1.0, Method::Knn, 100_000).unwrap_err().to_string().contains("loop rounds"));
         assert_eq!(draws(GPU, 4.0, Method::Knn, 100_000).unwrap(), Draws { samples: 1, slices: 1 });
+    }
+
+    #[test]
+    fn quads_count_as_shapes_walls_and_four_lines_each() {
+        let looped = Looped::of(&frame(1.0), 5);
+        assert_eq!(looped, Looped { shapes: 13, walls: 11, cuts: 26, lights: 1 });
+        // Each candidate asks all walls: a dozen times the rounds, in as many more slices.
+        let query = |walls| Query { method: Method::Grid, across: 8, candidates: 500_000, walls };
+        let slices = |quads, walls| drawn(LLVMPIPE, 1.0, quads, query(walls)).unwrap().slices;
+        assert_eq!([slices(5, 0), slices(5, 11)], [9, 102]);
+        // Thousands of quads leave a software driver's loop nothing.
+        assert!(drawn(LLVMPIPE, 1.0, 5_000, query(0)).is_err());
+        // A scene of quads alone is work.
+        let alone = Frame { sphere_count: 0.0, plane_count: 0.0, ..frame(1.0) };
+        assert!(work(&alone, 5, &Indirect::None, None) > 0.0);
     }
 
     #[test]

@@ -23,6 +23,8 @@ use crate::stage::table_textures::SceneTextures;
 pub struct GlTrace {
     gl: Functions,
     scene: SceneTextures,
+    /// How many of the scene's shapes are quads.
+    quads: usize,
     photons: PhotonTextures,
     finals: FinalTextures,
     target: Option<(u32, u32, Target)>,
@@ -52,6 +54,7 @@ impl GlTrace {
         Ok(GlTrace {
             gl: gl.clone(),
             scene: SceneTextures::new(gl)?,
+            quads: 0,
             photons: PhotonTextures::new(gl, is_software)?,
             finals: FinalTextures::new(gl)?,
             target: None,
@@ -104,10 +107,11 @@ impl GlTrace {
                 method: gathering.method,
                 across: draws::cells_across(self.photons.gather())[1],
                 candidates: self.photons.most_candidates,
+                walls: self.active.map_or(0, |active| active.walls(frame, self.quads)),
             }),
             _ => None,
         };
-        Draws::within(Some(self.rounds), frame, indirect, query)
+        Draws::within(Some(self.rounds), frame, self.quads, indirect, query)
     }
 }
 
@@ -133,6 +137,7 @@ impl Trace for GlTrace {
 
     fn upload(&mut self, packed: &PackedScene) -> Result<()> {
         check_count(packed)?;
+        self.quads = packed.quads.len();
         self.scene.upload(packed, packed.in_uniforms())
     }
 
@@ -175,7 +180,7 @@ impl Trace for GlTrace {
             program.activate();
             self.bind_scene(program, frame);
             program.set_records(std::slice::from_ref(lattice));
-            self.finals.draw_sites(program, lattice, draws::site_work(frame, lattice))?;
+            self.finals.draw_sites(program, lattice, draws::site_work(frame, self.quads, lattice))?;
         }
         let (Some(program), Some((_, _, target))) = (self.programs.get(&(active, draws.slices > 1)), &self.target)
         else {
@@ -192,7 +197,7 @@ impl Trace for GlTrace {
             }
         }
         let gather = matches!(indirect, Indirect::Map(_)).then(|| self.photons.gather());
-        target.pace.expect(draws::work(frame, &indirect, gather));
+        target.pace.expect(draws::work(frame, self.quads, &indirect, gather));
         let pause = self.pause.clone().unwrap_or_else(|| Rc::new(|| true));
         if draws.is_whole(frame) && !self.rows.is_empty() {
             self.missing.clear();

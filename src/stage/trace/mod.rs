@@ -42,6 +42,12 @@ impl Permutation {
         }
         defines
     }
+
+    /// Rounds of a loop over walls that a candidate of a query takes: none where walls are few enough to be unrolled.
+    fn walls(&self, frame: &Frame, quads: usize) -> u64 {
+        let loops = self.features.counts.is_none() && self.gathering.is_some_and(|gathering| gathering.both_sides);
+        if loops { draws::Looped::of(frame, quads).walls } else { 0 }
+    }
 }
 
 /// What final gathering takes along in one pass.

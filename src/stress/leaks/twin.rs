@@ -14,7 +14,7 @@ use crate::stress::lab::{Answer, features};
 
 /// Rays of one item.
 pub(super) fn walk(case: &Case, item: u32, fault: Option<Fault>) -> Answer {
-    let features = features(case.two_sided, true);
+    let features = features(case.two_sided, true, !case.packed.quads.is_empty());
     let scene = SceneTables::new(&case.packed, &features);
     let mut key = hash2_u(item, SEED);
     let mut answer = [0; 8];
