@@ -241,7 +241,7 @@ impl Report {
         say!("uploads");
         for Table { table, records, texels, texture, bytes } in &self.uploads {
             say!(
-                "  {table:<8} {records:>8} records {texels:>8} texels {bytes:>10} bytes, texture {} × {}",
+                "  {table:<9} {records:>7} records {texels:>8} texels {bytes:>10} bytes, texture {} × {}",
                 texture[0],
                 texture[1]
             );
