@@ -1,6 +1,6 @@
-//! The names of all kinds: of shapes, in the order in which tables hold them, of the lobes of materials, and of lights. Each layer expands its own dispatch from
-//! this list (scene file, packing, shaders and kernels, twins, reference, window), so that a new kind is one row here and
-//! a file of its own in each layer, and imports still point down.
+//! The names of all kinds: of shapes, in the order in which tables hold them, of the lobes of materials, and of lights. Each
+//! layer expands its own dispatch from this list (scene file, packing, shaders and kernels, twins, reference, window), so that a
+//! new kind is one row here and a file of its own in each layer, and imports still point down.
 
 /// Hands the rows of all kinds of shape to a macro, in packing order: module, type, plural.
 macro_rules! for_each_shape_kind {
