@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering;
 use clap::ValueEnum;
 
 use super::options::{Size, choice, parse_count, parse_device, parse_radius};
-use super::{output, print_json, rescue, stop_on_signal};
+use super::{output, print_json, rescue, say_written, stop_on_signal};
 use crate::bench::{Options, Progress, Suite, make_directory, scenes};
 use crate::error::{Error, Result};
 use crate::film::check_directory;
@@ -144,15 +144,7 @@ pub fn run(args: &Args) -> Result<()> {
         output::print(report.text(output::columns()));
     }
     let csv = args.csv.as_ref().map_or(Ok(()), |csv| rescue::written_somewhere(csv, |path| report.write_csv(path)));
-    let files = match args.output.as_ref().map(|directory| report.write_to(directory)).transpose() {
-        Ok(written) => {
-            for path in written.unwrap_or_default() {
-                super::notice(&format!("wrote {}", path.display()));
-            }
-            Ok(())
-        }
-        Err(error) => Err(error),
-    };
+    let files = args.output.as_ref().map_or(Ok(()), |directory| report.write_to(directory).map(say_written));
     // Not what was asked for: a script must not take it for that.
     let ended = report.ended.as_ref().map_or(Ok(()), |why| Err(Error::Failed(why.clone())));
     let stopped = match options.stop.load(Ordering::Relaxed) {

@@ -22,7 +22,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use output::{notice, print_json};
+use output::{notice, print_json, say_written};
 use signals::stop_on_signal;
 
 use crate::device::cl::{self, caches};

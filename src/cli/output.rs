@@ -102,6 +102,11 @@ pub fn notice(line: &str) {
     STDERR.write(io::stderr().lock(), &format!("photile: {line}\n"));
 }
 
+/// Tells which files a suite has left.
+pub fn say_written(paths: Vec<std::path::PathBuf>) {
+    paths.iter().for_each(|path| notice(&format!("wrote {}", path.display())));
+}
+
 /// Prints help, a version or what is wrong with the command line, in colours where there is a terminal. The exit code.
 pub fn print_usage(usage: &clap::Error) -> u8 {
     if let Err(error) = usage.print() {

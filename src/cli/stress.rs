@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::ValueEnum;
 
 use super::options::{choice, parse_device};
-use super::{output, print_json, stop_on_signal};
+use super::{output, print_json, say_written, stop_on_signal};
 use crate::error::{Error, Result};
 use crate::film::check_directory;
 use crate::settings::Backend;
@@ -96,15 +96,7 @@ pub fn run(args: &Args) -> Result<()> {
     } else {
         output::print(report.text(output::columns()));
     }
-    let files = match args.out.as_ref().map(|directory| report.write_to(directory)).transpose() {
-        Ok(written) => {
-            for path in written.unwrap_or_default() {
-                super::notice(&format!("wrote {}", path.display()));
-            }
-            Ok(())
-        }
-        Err(error) => Err(error),
-    };
+    let files = args.out.as_ref().map_or(Ok(()), |directory| report.write_to(directory).map(say_written));
     let ended = report.ended.as_ref().map_or(Ok(()), |why| Err(Error::Failed(why.clone())));
     let bounds = match report.rows.iter().find(|row| !row.holds) {
         None => Ok(()),
